@@ -1,0 +1,17 @@
+"""Installation of emd_arm_executor."""
+
+from setuptools import find_packages, setup
+
+setup(
+    name="emd_arm_executor",
+    version="0.1.0",
+    packages=find_packages(),
+    package_data={"emd_arm_executor": ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/emd_arm_executor"]),
+        ("share/emd_arm_executor", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=True,
+    license="Apache-2.0",
+)

@@ -1,0 +1,1 @@
+"""What the packages of the folding cell share; nothing here imports ROS but the `ros` folder."""

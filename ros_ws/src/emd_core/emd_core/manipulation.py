@@ -1,0 +1,78 @@
+"""What the hands do to the cloth: one or two grasp points and one displacement (paper, III-A)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from emd_core.errors import InvalidInputError
+from emd_core.frames import FieldOfView, FloatArray
+
+
+@dataclass(frozen=True)
+class Manipulation:
+    """Grasp the cloth at one or two points, carry it by one displacement, release it.
+
+    The order of the two grasp points is immaterial; which arm takes which is the executor's
+    choice. A point that is not used is NaN.
+
+    Attributes:
+        grasp_points_in_table: Shape (2, 2), metres, x and y in the table frame; NaN rows: unused.
+        displacement_in_table: Shape (2,), metres, the same for both hands.
+    """
+
+    grasp_points_in_table: FloatArray
+    displacement_in_table: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check shapes and values.
+
+        Raises:
+            InvalidInputError: If a shape is wrong, the displacement or half a point is not finite,
+                or no grasp point is used.
+        """
+        points = np.asarray(self.grasp_points_in_table, dtype=np.float64)
+        displacement = np.asarray(self.displacement_in_table, dtype=np.float64)
+        if points.shape != (2, 2) or displacement.shape != (2,):
+            raise InvalidInputError(
+                "a manipulation needs grasp points (2, 2) and a displacement (2,), got "
+                f"{points.shape} and {displacement.shape}"
+            )
+        if not np.isfinite(displacement).all():
+            raise InvalidInputError(f"the displacement must be finite, got {displacement}")
+        used = np.isfinite(points).all(axis=1)
+        if not np.logical_or(used, np.isnan(points).all(axis=1)).all():
+            raise InvalidInputError(
+                f"a grasp point must be finite, or NaN in both values when unused, got {points}"
+            )
+        if not used.any():
+            raise InvalidInputError("at least one grasp point must be used, got none")
+        object.__setattr__(self, "grasp_points_in_table", points)
+        object.__setattr__(self, "displacement_in_table", displacement)
+
+    @property
+    def used(self) -> tuple[bool, bool]:
+        """Which of the two grasp points are used."""
+        points = self.grasp_points_in_table
+        return bool(np.isfinite(points[0]).all()), bool(np.isfinite(points[1]).all())
+
+    @property
+    def release_points_in_table(self) -> FloatArray:
+        """Where the hands let go, shape (2, 2), metres; NaN rows: unused."""
+        return self.grasp_points_in_table + self.displacement_in_table
+
+    def to_network(self, field_of_view: FieldOfView) -> FloatArray:
+        """Give the six normalised values x0 y0 x1 y1 dx dy; an unused point stays NaN."""
+        values = np.concatenate([self.grasp_points_in_table.ravel(), self.displacement_in_table])
+        return field_of_view.normalised_from_table(values)
+
+    @classmethod
+    def from_network(
+        cls, values: FloatArray, used: tuple[bool, bool], field_of_view: FieldOfView
+    ) -> Manipulation:
+        """Build a manipulation from six normalised values, without the points not used."""
+        in_table = field_of_view.table_from_normalised(values)
+        points = in_table[:4].reshape(2, 2).copy()
+        points[~np.array(used)] = np.nan
+        return cls(points, in_table[4:])
