@@ -6,7 +6,7 @@ setup(
     name="emd_arm_executor",
     version="0.1.0",
     packages=find_packages(),
-    package_data={"emd_arm_executor": ["py.typed"]},
+    package_data={"emd_arm_executor": ["py.typed"], "emd_arm_executor.hiro": ["hiro.urdf"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/emd_arm_executor"]),
         ("share/emd_arm_executor", ["package.xml"]),
