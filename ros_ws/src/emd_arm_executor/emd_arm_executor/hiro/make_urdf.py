@@ -11,27 +11,19 @@ import os
 import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
-from emd_arm_executor.hiro.figures import (
-    COLOURS,
-    FINGER_INERTIA,
-    FINGERS,
-    INERTIAS,
-    LEFT_ARM,
-    TORSO_AND_HEAD,
-    Inertia,
-    JointFigures,
-    Shape,
-    Vector,
-)
-from emd_arm_executor.hiro.figures_shapes import (
+from emd_arm_executor.hiro.figures.inertias import FINGER_INERTIA, INERTIAS, mirror_inertia
+from emd_arm_executor.hiro.figures.joints import TORSO_AND_HEAD, arm_joints, hand_joints
+from emd_arm_executor.hiro.figures.records import Inertia, JointFigures, Shape, Vector
+from emd_arm_executor.hiro.figures.shapes import (
     CAMERA_PITCH_DEGREES,
     CAMERA_POSITION,
+    COLOURS,
     KINECT_BODY,
     SHAPES,
     finger_shapes,
+    mirror_shape,
     nail_shape,
     tool_offset,
 )
@@ -85,19 +77,17 @@ def write_urdf(path: Path = URDF_PATH) -> None:
 
 
 def _add_arm(robot: ET.Element, side: str) -> None:
-    for joint in LEFT_ARM:
-        left_link = f"{joint.name}_Link"
+    for joint in arm_joints(side):
+        left_link = f"L{joint.name[1:]}_Link"
         inertia, shapes = INERTIAS[left_link], SHAPES[left_link]
         if side == "R":
-            joint, inertia = _mirror_joint(joint), _mirror_inertia(inertia)
-            shapes = tuple(_mirror_shape(shape) for shape in shapes)
+            inertia = mirror_inertia(inertia)
+            shapes = tuple(mirror_shape(shape) for shape in shapes)
         _add_joint_and_link(robot, joint, inertia, shapes)
 
 
 def _add_hand(robot: ET.Element, side: str) -> None:
-    # The two hands are alike, not mirrored: only the joint numbers tell the fingers apart.
-    for number, finger in enumerate(FINGERS):
-        joint = replace(finger, name=side + finger.name, parent=side + finger.parent)
+    for number, joint in enumerate(hand_joints(side)):
         _add_joint_and_link(robot, joint, FINGER_INERTIA, finger_shapes(number))
         if number in (1, 3):
             nail = f"{joint.name}_nail"
@@ -184,35 +174,6 @@ def _add_geometry(parent: ET.Element, shape: Shape) -> None:
 def _add_origin(parent: ET.Element, xyz: Vector, rpy_degrees: Vector) -> None:
     rpy = [math.radians(angle) for angle in rpy_degrees]
     ET.SubElement(parent, "origin", xyz=_numbers(xyz), rpy=_numbers(rpy))
-
-
-def _mirror_joint(joint: JointFigures) -> JointFigures:
-    # Mirroring in y turns rotations about x and z round and leaves those about y.
-    keeps_sense = joint.axis[1] != 0
-    lower, upper = (joint.lower, joint.upper) if keeps_sense else (-joint.upper, -joint.lower)
-    return replace(
-        joint,
-        name="R" + joint.name[1:],
-        parent="R" + joint.parent[1:] if joint.parent.startswith("LARM") else joint.parent,
-        origin=_mirror_vector(joint.origin),
-        lower=lower,
-        upper=upper,
-        roll=-joint.roll,
-    )
-
-
-def _mirror_inertia(inertia: Inertia) -> Inertia:
-    ixx, iyy, izz, ixy, ixz, iyz = inertia.tensor
-    return Inertia(inertia.mass, _mirror_vector(inertia.centre), (ixx, iyy, izz, -ixy, ixz, -iyz))
-
-
-def _mirror_shape(shape: Shape) -> Shape:
-    roll, pitch, yaw = shape.rpy
-    return replace(shape, centre=_mirror_vector(shape.centre), rpy=(-roll, pitch, -yaw))
-
-
-def _mirror_vector(vector: Vector) -> Vector:
-    return vector[0], -vector[1], vector[2]
 
 
 def _numbers(values: Sequence[float]) -> str:

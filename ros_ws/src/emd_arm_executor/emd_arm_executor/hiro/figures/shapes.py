@@ -6,8 +6,19 @@ Only the left side is listed; the right side mirrors it in y.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
-from emd_arm_executor.hiro.figures import FINGERS, Shape
+from emd_arm_executor.hiro.figures.joints import FINGERS, mirror_vector
+from emd_arm_executor.hiro.figures.records import Shape
+
+COLOURS: dict[str, tuple[float, float, float]] = {
+    "white": (0.90, 0.90, 0.88),
+    "grey": (0.55, 0.57, 0.60),
+    "dark": (0.20, 0.21, 0.23),
+    "black": (0.06, 0.06, 0.07),
+    "blue": (0.16, 0.30, 0.55),
+    "steel": (0.72, 0.74, 0.76),
+}
 
 SHAPES: dict[str, tuple[Shape, ...]] = {
     "WAIST": (Shape("cylinder", (0.063, 0.230), (0, 0, 0.115), "grey"),),
@@ -71,5 +82,11 @@ def tool_offset() -> float:
 # near half of the table. With the head pitched by 50 degrees the optical axis then meets the
 # middle of the table.
 CAMERA_POSITION = (0.050, 0.0, 0.2237)
-CAMERA_PITCH_DEGREES = 30.6
+CAMERA_PITCH_DEGREES = 30.75
 KINECT_BODY = Shape("box", (0.070, 0.276, 0.060), (-0.037, 0, 0), "black")
+
+
+def mirror_shape(shape: Shape) -> Shape:
+    """Mirror a shape in the plane y = 0."""
+    roll, pitch, yaw = shape.rpy
+    return replace(shape, centre=mirror_vector(shape.centre), rpy=(-roll, pitch, -yaw))
