@@ -1,0 +1,212 @@
+"""Every default of the network, its training and the planner, once."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from emd_core.errors import InvalidInputError
+
+Polygon = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class EmdNetConfig:
+    """Architecture of the EMD net; the defaults are those of the paper (III-A).
+
+    What the paper leaves open is marked "ours". The net's input has `2 ** 5` voxels along x and y
+    and the strides of the encoder fold it into one code without spatial structure.
+
+    Attributes:
+        grid_size: Voxels along x, y and z.
+        map_counts: Maps of the encoder, input first; the decoder has them in reverse.
+        strides: Strides of the encoder's layers along x, y and z; reversed in the decoder.
+        manipulation_layers: Weight layers of the manipulation module, counted like the encoder's.
+        hidden_size: Regular neurons in each hidden layer of the manipulation module.
+        manipulation_size: Values of one manipulation: two grasp points and the displacement.
+        activation: Of every layer but the decoder's last (ours). tanh is odd and bounded, so that
+            the codes of the encoder and those of the manipulation module have one range.
+        output: Of the decoder (ours): a logistic keeps the prediction between empty and full.
+        biases: Whether layers have biases (ours); they start at 0.
+        convolution_init: Half-width of the uniform initial weights of encoder and decoder.
+        manipulation_init: The same for the manipulation module.
+        manipulation_input_init: The same for the connections from the manipulation inputs.
+    """
+
+    grid_size: tuple[int, int, int] = (32, 32, 16)
+    map_counts: tuple[int, ...] = (1, 32, 32, 64, 128, 256, 512)
+    strides: tuple[tuple[int, int, int], ...] = ((2, 2, 1),) + ((2, 2, 2),) * 5
+    manipulation_layers: int = 10
+    hidden_size: int = 512
+    manipulation_size: int = 6
+    activation: Literal["tanh", "leaky_relu"] = "tanh"
+    output: Literal["logistic", "identity"] = "logistic"
+    biases: bool = True
+    convolution_init: float = 0.05
+    manipulation_init: float = 0.001
+    manipulation_input_init: float = 0.05
+
+    def __post_init__(self) -> None:
+        """Check that the layers fit each other.
+
+        Raises:
+            InvalidInputError: If counts disagree or the encoder does not end in 1 x 1 x 1.
+        """
+        if len(self.map_counts) != len(self.strides) + 1 or self.map_counts[0] != 1:
+            raise InvalidInputError(
+                "map_counts must start with 1 and be one longer than strides, got "
+                f"{self.map_counts} and {len(self.strides)} strides"
+            )
+        if self.manipulation_layers < 2:
+            raise InvalidInputError(
+                f"manipulation_layers must be at least 2, got {self.manipulation_layers}"
+            )
+        if self.layer_sizes[-1] != (1, 1, 1):
+            raise InvalidInputError(
+                f"the encoder must end in 1 x 1 x 1 voxels, {self.strides} end in "
+                f"{self.layer_sizes[-1]}; give more or larger strides"
+            )
+
+    @property
+    def code_size(self) -> int:
+        """Values of an encoded state, `n_c` in eq. 2."""
+        return self.map_counts[-1]
+
+    @property
+    def layer_sizes(self) -> tuple[tuple[int, int, int], ...]:
+        """Voxels along x, y and z before each layer of the encoder and after the last."""
+        sizes = [self.grid_size]
+        for stride in self.strides:
+            x, y, z = (math.ceil(n / s) for n, s in zip(sizes[-1], stride, strict=True))
+            sizes.append((x, y, z))
+        return tuple(sizes)
+
+
+@dataclass(frozen=True)
+class AugmentationConfig:
+    """Random changes to training examples that keep them true (paper, III-B).
+
+    Attributes:
+        rotate: Turn by a random multiple of 90 degrees; other angles are not exact on a grid.
+        mirror: Mirror with probability one half.
+        swap_grasps: Swap the two grasp points with probability one half.
+        failure_probability: Share of windows with a step in which both hands grasp nothing.
+        translation_voxels: Largest periodic shift along x and y in whole voxels (ours; 0: none).
+        outside_margin_voxels: Points meant to be outside the cloth keep this distance from its
+            silhouette where there is room.
+    """
+
+    rotate: bool = True
+    mirror: bool = True
+    swap_grasps: bool = True
+    failure_probability: float = 0.1
+    translation_voxels: int = 0
+    outside_margin_voxels: int = 1
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """Recipe of a training run.
+
+    The paper trains 1,500,000 batches of 16 with the Manhattan rule on a GPU for three days
+    (III-B): `recipe="manhattan"`. The default is for minutes on a CPU: AdamW on a weighted sum of
+    the same losses, with a warm-up and a cosine decay and averaged weights.
+
+    Attributes:
+        recipe: "adamw", or "manhattan" for eq. 3.
+        batch_size: Windows in a batch; each holds `rollout_steps` manipulations.
+        rollout_steps: Manipulations applied in a row in training; 1 in the paper. 2 also trains
+            the recurrent use that the planner makes of the net (ours).
+        learning_rate: Peak of the schedule (adamw), or eta of eq. 3 (manhattan: 1e-5).
+        final_learning_rate_share: Last learning rate over the peak (adamw).
+        warm_up_share: Part of the run in which the learning rate rises linearly (adamw).
+        weight_decay: Of AdamW, on weight matrices only.
+        consistency_weight: Weight of loss_c beside loss_s (adamw).
+        reconstruction_weight: Weight of the auto-encoder loss D(E(s)) against s (ours; 0: none).
+        gradient_clip: Largest norm of the gradient (adamw).
+        average_decay: Decay of the moving average of the weights, which is what is validated and
+            exported; 0 exports the weights themselves.
+        bfloat16: Compute layers in bfloat16 where the device is fast at it.
+        validation_share: Part of the sequences held out.
+        validate_every: Seconds between validations.
+        checkpoint_every: Seconds between checkpoints.
+        augmentation: Random changes to the examples.
+    """
+
+    recipe: Literal["adamw", "manhattan"] = "adamw"
+    batch_size: int = 64
+    rollout_steps: int = 2
+    learning_rate: float = 1e-3
+    final_learning_rate_share: float = 0.01
+    warm_up_share: float = 0.03
+    weight_decay: float = 0.01
+    consistency_weight: float = 0.1
+    reconstruction_weight: float = 0.0
+    gradient_clip: float = 1.0
+    average_decay: float = 0.998
+    bfloat16: bool = True
+    validation_share: float = 0.1
+    validate_every: float = 60.0
+    checkpoint_every: float = 120.0
+    augmentation: AugmentationConfig = AugmentationConfig()
+
+
+@dataclass(frozen=True)
+class PlannerConfig:
+    """Search for a manipulation sequence by back-propagation (paper, III-C).
+
+    Attributes:
+        restarts: Searches run side by side from different random starts; 10 in the paper.
+        max_iterations: Most iterations of a search; 100 in the paper.
+        patience: Iterations without improvement after which a search stops; 25 in the paper.
+        eta_plus: Growth of a step whose gradient keeps its sign; 2.0 in the paper.
+        eta_minus: Shrinkage of a step whose gradient changed sign; 0.33 in the paper.
+        initial_step: First step of every value, normalised units (ours).
+        min_step: Smallest step, normalised units (Riedmiller and Braun).
+        max_step: Largest step, normalised units (ours: a quarter of the field of view).
+        min_improvement: Decrease of the loss that counts as improvement.
+        time_budget: Seconds after which the best plan so far is taken; infinite: none.
+        start_on_cloth: Start the grasp points on the cloth (ours); else anywhere in [-1, 1], as
+            the paper's "random initialisation" may be read. Off the cloth the net learned that
+            nothing happens, so that there is no gradient to follow.
+        max_steps: Longest plan that is tried when the number of steps is left open.
+        step_margin: A shorter plan is taken if its loss is within this share of the best one's.
+        grasp_tolerance_voxels: A grasp point this far off the silhouette still grasps the cloth.
+        threshold: Predicted value from which a voxel counts as occupied.
+        reach_weight: Weight of the reach loss (normalised distance) beside loss_s (V-B).
+    """
+
+    restarts: int = 10
+    max_iterations: int = 100
+    patience: int = 25
+    eta_plus: float = 2.0
+    eta_minus: float = 0.33
+    initial_step: float = 0.05
+    min_step: float = 1e-6
+    max_step: float = 0.5
+    min_improvement: float = 1e-6
+    time_budget: float = math.inf
+    start_on_cloth: bool = True
+    max_steps: int = 3
+    step_margin: float = 0.1
+    grasp_tolerance_voxels: int = 1
+    threshold: float = 0.5
+    reach_weight: float = 1.0
+
+
+@dataclass(frozen=True)
+class ReachConfig:
+    """Where each hand may grasp and release: one convex polygon per arm (paper, V-B).
+
+    The default outlines what HIRO's arms reach of the desk with the fingers pointing down: x of
+    the table frame runs towards the robot and y to the robot's right-hand side as the camera sees
+    it, so the left arm works mainly at y < 0 and the right arm mainly at y > 0.
+
+    Attributes:
+        left: Corners (x, y) in either order, metres, table frame.
+        right: The same for the right arm.
+    """
+
+    left: Polygon = ((-0.22, -0.45), (0.25, -0.45), (0.25, 0.15), (-0.22, 0.15))
+    right: Polygon = ((-0.22, -0.15), (0.25, -0.15), (0.25, 0.45), (-0.22, 0.45))
