@@ -20,9 +20,9 @@ class CellGeometry:
 
     The paper gives no measures of its cell. The table frame is placed so that a vertical hand with
     nails reaches all corners of a 0.40 m cloth, each arm on its own side, on the table and 0.10 m
-    above it. That leaves little to choose: 1 cm nearer, higher or lower, and either the far corners
-    on the table or the near corners in the air are lost. Table and floor have the sizes of
-    HIRO's cell at AIST.
+    above it. That leaves little to choose: a centimetre nearer, higher or lower, and either the
+    far corners on the table or the near corners in the air are lost. Table and floor have the
+    sizes of HIRO's cell at AIST.
 
     Attributes:
         table_origin_in_waist: Origin of the table frame, metres.
