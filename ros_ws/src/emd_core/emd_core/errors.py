@@ -120,3 +120,11 @@ class SimulationError(CellError):
     """The simulation left the range in which its result means something."""
 
     code = ErrorCode.SIMULATION
+
+
+def error_from_code(code: int, text: str) -> CellError:
+    """Rebuild the error that a message carries, for the caller of a node to raise."""
+    for kind in CellError.__subclasses__():
+        if kind.code == code:
+            return kind(text)
+    return CellError(text)

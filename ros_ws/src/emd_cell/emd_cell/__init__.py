@@ -1,0 +1,1 @@
+"""The cell as a whole: launcher, folding loop, bags, command line."""

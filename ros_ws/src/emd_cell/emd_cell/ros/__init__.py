@@ -1,0 +1,1 @@
+"""The parts of the cell that talk to the node graph."""

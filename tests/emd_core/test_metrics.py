@@ -1,0 +1,34 @@
+"""The metrics' known values and symmetries."""
+
+import numpy as np
+import pytest
+
+from emd_core.metrics import silhouette_iou, voxel_iou, voxel_mse
+from emd_core.voxel_grid import VoxelGrid
+
+
+def grid(seed: int) -> VoxelGrid:
+    """A random grid."""
+    return VoxelGrid(np.random.default_rng(seed).random((32, 32, 16)) < 0.1)
+
+
+def test_a_grid_equals_itself() -> None:
+    """MSE 0 and IoU 1 to itself."""
+    assert voxel_mse(grid(0), grid(0)) == 0
+    assert voxel_iou(grid(0), grid(0)) == silhouette_iou(grid(0), grid(0)) == 1
+
+
+def test_mse_of_binary_grids_is_the_share_of_differing_voxels() -> None:
+    """Equation 1 over 16384 voxels, by NumPy."""
+    a, b = grid(1), grid(2)
+    expected = np.mean((a.occupancy.astype(float) - b.occupancy.astype(float)) ** 2)
+    assert voxel_mse(a, b) == pytest.approx(expected)
+    assert voxel_mse(a, b) == voxel_mse(b, a)
+
+
+def test_empty_grids_agree() -> None:
+    """Two empty grids have IoU 1, an empty and a full one 0."""
+    empty = VoxelGrid(np.zeros((32, 32, 16), dtype=bool))
+    full = VoxelGrid(np.ones((32, 32, 16), dtype=bool))
+    assert voxel_iou(empty, empty) == 1
+    assert voxel_iou(empty, full) == silhouette_iou(full, empty) == 0
