@@ -32,12 +32,14 @@ class NodeSpec:
         module: Python module with its `main`.
         parameters: ROS parameters that differ from the node's defaults; dots make groups.
         restart: Whether to start it again when it dies.
+        namespace: Put before its relative names, or empty.
     """
 
     name: str
     module: str
     parameters: Mapping[str, Any] = field(default_factory=dict)
     restart: bool = True
+    namespace: str = ""
 
 
 @dataclass
@@ -52,9 +54,9 @@ class _Running:
 class Launcher:
     """A context in which the given nodes run.
 
-    Each node's output goes to `<log_directory>/<name>.log`. A node that dies is started again after
-    1 s, then 2 s, and so on up to 30 s; a node that never lived for a second and exits with status
-    2 has refused its parameters and is not tried again.
+    Each node's output goes to `<log_directory>/<name>.log`. A node that dies is started again
+    after 1 s, then 2 s, and so on up to 30 s; one that exits with status 2 has refused its
+    parameters and is not tried again.
     """
 
     def __init__(

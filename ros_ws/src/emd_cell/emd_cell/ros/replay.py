@@ -77,9 +77,7 @@ class ReplayClient(Node):
         """
         deadline = time.monotonic() + timeout
         wanted = ("color", "depth", "info", "pose")
-        while any(
-            self._publishers_by_kind[kind].get_subscription_count() == 0 for kind in wanted
-        ):
+        while any(self._publishers_by_kind[kind].get_subscription_count() == 0 for kind in wanted):
             check()
             if time.monotonic() > deadline:
                 raise DeadlineError(f"the perception node did not appear within {timeout:.0f} s")

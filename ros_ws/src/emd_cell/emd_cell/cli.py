@@ -1,0 +1,223 @@
+"""The commands of `./cell`. Heavy imports wait until their command is called."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from emd_core.errors import CellError, ErrorCode
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="The EMD folding cell: cloth manipulation on ROS 2.",
+)
+console = Console(stderr=True)
+ROOT = Path(sys.prefix).parent  # the checkout: `.venv` lies in it
+
+
+@app.command()
+def setup() -> None:
+    """Set up or repair the environment, nothing else."""
+    print("The environment is ready.")  # the bootstrap has done it before this is reached
+
+
+@app.command(name="exec")
+def exec_command() -> None:
+    """Run a command inside the environment: ./cell exec -- COMMAND [ARGS]."""
+
+
+@app.command()
+def demo(
+    goal: Annotated[
+        str, typer.Option(help="half, diagonal, corner, ... or a grid (.npz)")
+    ] = "half",
+    steps: Annotated[int, typer.Option(min=0, max=6, help="0: as many as the fold needs")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="camera noise and planner")] = 0,
+    out: Annotated[Path, typer.Option(help="report.json, strip.png, fold.gif, logs")] = Path(
+        "runs/demo"
+    ),
+    record: Annotated[Path | None, typer.Option(help="bag directory to record into")] = None,
+    gui: Annotated[bool, typer.Option("--gui", help="open the simulator's window")] = False,
+    real_time_factor: Annotated[
+        float, typer.Option(min=0.0, help="simulated seconds a second; 0: as fast as possible")
+    ] = 0.0,
+) -> None:
+    """A simulated HIRO folds a cloth; writes a report and pictures."""
+    from emd_cell.demo import DemoOptions, run_demo
+
+    options = DemoOptions(goal, out, steps, seed, record, gui, real_time_factor)
+    report = run_demo(options, console)
+    if report.initial and report.final:
+        print(
+            f"voxel MSE to the goal: {report.initial.voxel_mse:.4f} before, "
+            f"{report.final.voxel_mse:.4f} after {len(report.steps)} manipulation(s)"
+        )
+    print(f"report and pictures: {out}")
+    if report.error:
+        print(f"cell demo: {report.error['name']}: {report.error['message']}", file=sys.stderr)
+        raise typer.Exit(1)
+
+
+@app.command()
+def up(
+    gui: Annotated[bool, typer.Option("--gui", help="open the simulator's window")] = False,
+    seed: Annotated[int, typer.Option(min=0, help="camera noise")] = 0,
+    logs: Annotated[Path, typer.Option(help="directory of the nodes' logs")] = Path("runs/up"),
+    real_time_factor: Annotated[float, typer.Option(min=0.0)] = 1.0,
+    only: Annotated[
+        list[str] | None, typer.Option(help="start only this node; repeatable")
+    ] = None,
+) -> None:
+    """Start the cell and leave it running until Ctrl-C."""
+    from emd_cell.up import run_cell
+
+    run_cell(logs, gui, seed, real_time_factor, only or [], console)
+
+
+@app.command()
+def perceive(
+    color: Annotated[Path, typer.Option(help="colour image")],
+    depth: Annotated[Path, typer.Option(help="depth image, registered: uint16 or float")],
+    intrinsics: Annotated[
+        tuple[float, float, float, float], typer.Option(metavar="FX FY CX CY", help="pixels")
+    ],
+    out: Annotated[Path, typer.Option(help="mask, voxel grid, overlay, summary")],
+    depth_scale: Annotated[str, typer.Option(help="unit of the depth image: mm or m")] = "mm",
+    half_extent: Annotated[
+        float | None, typer.Option(help="metres of a normalised unit; default: the cell's")
+    ] = None,
+) -> None:
+    """Find the cloth in image files and write its voxel grid."""
+    from emd_perception.files import perceive_files
+
+    summary = perceive_files(color, depth, intrinsics, depth_scale, out, half_extent)
+    print(json.dumps(summary, indent=1))
+
+
+@app.command()
+def plan(
+    initial: Annotated[Path, typer.Option(help="voxel grid (.npz) of the cloth now")],
+    goal: Annotated[str, typer.Option(help="a neat fold's name or a voxel grid (.npz)")],
+    steps: Annotated[int, typer.Option(min=0, max=6, help="0: the planner chooses")] = 1,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    weights: Annotated[Path | None, typer.Option(help="default: those shipped")] = None,
+    out: Annotated[Path | None, typer.Option(help="write the plan as JSON")] = None,
+) -> None:
+    """Plan manipulations between two voxel grids, without ROS."""
+    from emd_cell.plan_command import plan_files
+
+    entry = plan_files(initial, goal, steps, seed, weights, out)
+    print(json.dumps(entry, indent=1))
+
+
+@app.command()
+def simulate(
+    input: Annotated[Path, typer.Option(help="states, picks, moves (.npz)")],
+    output: Annotated[Path, typer.Option(help="the same keys, our states")],
+) -> None:
+    """Replay picks and moves on our cloth, in the authors' format, without a robot."""
+    from rich.progress import Progress
+
+    from emd_cloth_sim.replay import replay_file
+
+    with Progress(console=console) as progress:
+        task = progress.add_task("manipulations", total=None)
+        replay_file(
+            input,
+            output,
+            on_progress=lambda done, total: progress.update(task, completed=done, total=total),
+        )
+    print(f"written: {output}")
+
+
+@app.command()
+def replay(
+    bag: Annotated[Path, typer.Argument(help="rosbag2 directory, mcap or sqlite3")],
+    out: Annotated[Path, typer.Option(help="voxel grids and summary.json")] = Path("runs/replay"),
+    color: Annotated[str, typer.Option(help="topic")] = "/camera/color/image_raw",
+    depth: Annotated[str, typer.Option(help="topic")] = "/camera/depth_registered/image_raw",
+    info: Annotated[str, typer.Option(help="topic")] = "/camera/color/camera_info",
+    pose: Annotated[str, typer.Option(help="topic, may be missing")] = "/camera/pose",
+) -> None:
+    """Play a bag through the perception node and keep its grids."""
+    from emd_cell.bag_reader import BagTopics
+    from emd_cell.replay_command import run_replay
+
+    summary = run_replay(bag, BagTopics(color, depth, info, pose), out, console)
+    print(f"{summary.frames} frames, {len(summary.grids)} grids, {len(summary.skipped)} skipped")
+    for entry in summary.skipped[:5]:
+        print(f"skipped at {entry['stamp']}: {entry['reason']}", file=sys.stderr)
+    print(f"written: {out}")
+
+
+@app.command()
+def bench(
+    name: Annotated[str, typer.Argument(help="which; see --list")] = "",
+    list_all: Annotated[bool, typer.Option("--list", help="list the benchmarks")] = False,
+    json_file: Annotated[Path | None, typer.Option("--json", help="write the result")] = None,
+) -> None:
+    """Run a benchmark."""
+    from emd_cell.bench import run_benchmark
+
+    run_benchmark(ROOT, name, list_all, json_file)
+
+
+@app.command()
+def test(
+    slow: Annotated[bool, typer.Option("--slow", help="also the slow ones")] = False,
+    pytest_arguments: Annotated[
+        list[str] | None, typer.Argument(help="passed to pytest, after --")
+    ] = None,
+) -> None:
+    """Run ruff, mypy and all tests."""
+    sources = ["ros_ws/src", "tests", "cell"]
+    packages = sorted(str(path.parent) for path in ROOT.glob("ros_ws/src/*/*/py.typed"))
+    commands = [
+        ["ruff", "check", *sources],
+        ["ruff", "format", "--check", *sources],
+        ["mypy", *packages],
+        ["pytest", *([] if slow else ["-m", "not slow"]), *(pytest_arguments or [])],
+    ]
+    failed = [
+        command[0]
+        for command in commands
+        if subprocess.run([sys.executable, "-m", *command], cwd=ROOT).returncode != 0
+    ]
+    if failed:
+        print(f"cell test: failed: {', '.join(failed)}", file=sys.stderr)
+        raise typer.Exit(1)
+
+
+@app.command()
+def lock() -> None:
+    """Write requirements.lock anew from requirements.in."""
+    from emd_cell.lock import write_lock
+
+    count = write_lock(ROOT / "requirements.in", ROOT / "requirements.lock")
+    print(f"{count} packages in requirements.lock")
+
+
+def main() -> int:
+    """Run a command; a user's mistake is one line and status 2, a failure status 1."""
+    try:
+        app(prog_name="./cell")
+    except CellError as err:
+        command = sys.argv[1] if len(sys.argv) > 1 else ""
+        print(f"cell {command}: {err}", file=sys.stderr)
+        return 2 if err.code is ErrorCode.INVALID_INPUT else 1
+    except KeyboardInterrupt:
+        print("cell: interrupted", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
