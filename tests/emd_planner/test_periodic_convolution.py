@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 import torch
-from emd_planner.periodic_convolution import PeriodicConvolution, PeriodicTransposedConvolution
 from torch.nn import functional
+
+from emd_planner.periodic_convolution import PeriodicConvolution, PeriodicTransposedConvolution
 
 CASES = [
     ((8, 8, 4), (2, 2, 1), 1, 3),

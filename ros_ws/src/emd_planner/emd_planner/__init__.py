@@ -1,1 +1,1 @@
-"""The EMD net (paper, III) and the planner that searches it; nothing here imports ROS but `ros`."""
+"""The EMD net and the planner that searches it (paper, III); only the `ros` folder uses ROS."""

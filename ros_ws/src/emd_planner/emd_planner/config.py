@@ -91,7 +91,8 @@ class AugmentationConfig:
         rotate: Turn by a random multiple of 90 degrees; other angles are not exact on a grid.
         mirror: Mirror with probability one half.
         swap_grasps: Swap the two grasp points with probability one half.
-        failure_probability: Share of windows with a step in which both hands grasp nothing.
+        failure_probability: Share of windows with a step in which both hands grasp nothing; the
+            paper says "in a randomly selected example", read here as one of a batch of 16.
         translation_voxels: Largest periodic shift along x and y in whole voxels (ours; 0: none).
         outside_margin_voxels: Points meant to be outside the cloth keep this distance from its
             silhouette where there is room.
@@ -100,7 +101,7 @@ class AugmentationConfig:
     rotate: bool = True
     mirror: bool = True
     swap_grasps: bool = True
-    failure_probability: float = 0.1
+    failure_probability: float = 1.0 / 16.0
     translation_voxels: int = 0
     outside_margin_voxels: int = 1
 
@@ -210,3 +211,17 @@ class ReachConfig:
 
     left: Polygon = ((-0.22, -0.45), (0.25, -0.45), (0.25, 0.15), (-0.22, 0.15))
     right: Polygon = ((-0.22, -0.15), (0.25, -0.15), (0.25, 0.45), (-0.22, 0.45))
+
+
+# What `--recipe` chooses from; "paper" is III-B to the letter.
+RECIPES: dict[str, TrainingConfig] = {
+    "default": TrainingConfig(),
+    "paper": TrainingConfig(
+        recipe="manhattan",
+        batch_size=16,
+        rollout_steps=1,
+        learning_rate=1e-5,
+        average_decay=0.0,
+        bfloat16=False,
+    ),
+}

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import cast
+
 import torch
 from torch import Tensor, nn
 
@@ -199,10 +202,10 @@ class ManipulationModule(nn.Module):
 
     @torch.no_grad()
     def initialise(self, generator: torch.Generator) -> None:
-        """Draw the weights uniformly, those from manipulation inputs from a wider range (III-A)."""
+        """Draw the weights uniformly; those from manipulation inputs vary more (III-A)."""
         config = self.config
         start, end = config.code_size, config.code_size + config.manipulation_size
-        for layer in self.layers:
+        for layer in cast(Iterable[nn.Linear], self.layers):
             bound, input_bound = config.manipulation_init, config.manipulation_input_init
             layer.weight.uniform_(-bound, bound, generator=generator)
             layer.weight[:, start:end].uniform_(-input_bound, input_bound, generator=generator)
@@ -215,7 +218,7 @@ class ManipulationModule(nn.Module):
         state = codes.float()  # sums of small changes need float32
         inputs = manipulations.to(compute_type)
         hidden = state.new_zeros(state.shape[0], 0, dtype=compute_type)
-        for layer in self.layers:
+        for layer in cast(Iterable[nn.Linear], self.layers):
             sections = torch.cat([state.to(compute_type), inputs, hidden], 1)
             bias = None if layer.bias is None else layer.bias.to(compute_type)
             out = nn.functional.linear(sections, layer.weight.to(compute_type), bias)
@@ -234,7 +237,7 @@ def _activate(values: Tensor, config: EmdNetConfig) -> Tensor:
 def _initialise_convolutions(
     layers: nn.ModuleList, bound: float, generator: torch.Generator
 ) -> None:
-    for layer in layers:
+    for layer in cast(Iterable[PeriodicConvolution], layers):
         layer.weight.uniform_(-bound, bound, generator=generator)
         if layer.bias is not None:
             layer.bias.zero_()

@@ -1,4 +1,4 @@
-"""iRprop-: step sizes adapted value by value from gradient signs alone (Igel and Huesken, 2000)."""
+"""iRprop-: steps adapted value by value from the signs of gradients (Igel and Huesken, 2000)."""
 
 from __future__ import annotations
 

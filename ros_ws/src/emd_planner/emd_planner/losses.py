@@ -21,8 +21,9 @@ def state_loss(predicted: Tensor, actual: Tensor) -> Tensor:
 def consistency_loss(predicted_code: Tensor, actual_code: Tensor) -> Tensor:
     """loss_c: mean squared difference of codes, one value per example (paper, eq. 2).
 
-    The paper prints D(M(E(s0), m0)) - E(s1), a decoded grid of 16384 voxels against a code of 512
-    values divided by n_c = 512; only the code M(E(s0), m0) fits E(s1), so that is what is compared.
+    The paper prints D(M(E(s0), m0)) - E(s1), which sets a decoded grid of 16384 voxels against a
+    code of 512 values and divides by n_c = 512. Only the code M(E(s0), m0) fits E(s1), so that is
+    what is compared.
 
     Args:
         predicted_code: M(E(s0), m0), shape (B, C).

@@ -59,7 +59,7 @@ class Manhattan:
                     parameter.sub_(gradient.sign(), alpha=self.learning_rate)
 
     def gradients(self, loss: Tensor, retain_graph: bool = False) -> Gradients:
-        """Differentiate a scalar loss for `step`, with None where it does not depend on a weight."""
+        """Differentiate a scalar loss for `step`; None where it does not depend on a weight."""
         return torch.autograd.grad(
             loss, self.parameters, retain_graph=retain_graph, allow_unused=True
         )

@@ -188,7 +188,8 @@ def _convolve(padded: Tensor, weight: Tensor, stride: Size) -> Tensor:
 
 
 def _convolve_transposed(maps: Tensor, weight: Tensor, stride: Size, out_size: Size) -> Tensor:
-    batch, size, channels = maps.shape[0], maps.shape[1:4], weight.shape[3]
+    batch, channels = maps.shape[0], weight.shape[3]
+    size = (maps.shape[1], maps.shape[2], maps.shape[3])
     matrix = weight.reshape(-1, weight.shape[4]).to(maps.dtype)
     padded = maps.new_zeros(batch, *(n + 2 for n in out_size), channels)
     maps = maps.contiguous()

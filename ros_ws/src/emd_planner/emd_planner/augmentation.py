@@ -1,0 +1,205 @@
+"""Random changes to training examples that keep them true (paper, III-B), on whole batches.
+
+Grids have axes (..., X, Y, Z) of the table frame, so quarter turns, mirrorings and shifts by whole
+voxels move columns and leave their contents alone: they are exact.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from emd_planner.config import AugmentationConfig
+from emd_planner.silhouette import columns_of, dilate, silhouettes
+
+# Quarter turns about z and their products with the mirroring of y.
+SYMMETRIES = torch.tensor(
+    [
+        [[1, 0], [0, 1]],
+        [[0, -1], [1, 0]],
+        [[-1, 0], [0, -1]],
+        [[0, 1], [-1, 0]],
+        [[1, 0], [0, -1]],
+        [[0, 1], [1, 0]],
+        [[-1, 0], [0, 1]],
+        [[0, -1], [-1, 0]],
+    ]
+)
+
+
+def augment(
+    grids: Tensor, manipulations: Tensor, config: AugmentationConfig, generator: torch.Generator
+) -> tuple[Tensor, Tensor]:
+    """Apply all configured changes and fill the unused points.
+
+    Args:
+        grids: Boolean, shape (B, n+1, X, Y, Z) with X = Y.
+        manipulations: Shape (B, n, 6), NaN points for unused hands, all NaN where nothing is done.
+        config: Which changes.
+        generator: On the CPU.
+
+    Returns:
+        Both, in the same shapes, without NaN.
+    """
+    grids, manipulations = _delay(
+        grids, manipulations, spread_idle_steps(manipulations, generator)
+    )
+    grids, manipulations = insert_failures(
+        grids, manipulations, config.failure_probability, generator
+    )
+    grids, manipulations = transform(
+        grids, manipulations, *_random_motions(len(grids), grids.shape[2], config, generator)
+    )
+    manipulations = fill_unused(
+        grids[:, :-1], manipulations, generator, config.outside_margin_voxels
+    )
+    if config.swap_grasps:
+        swap = torch.rand(manipulations.shape[:2], generator=generator) < 0.5
+        manipulations = torch.where(
+            swap[..., None], manipulations[..., [2, 3, 0, 1, 4, 5]], manipulations
+        )
+    return grids, manipulations
+
+
+def transform(
+    grids: Tensor, manipulations: Tensor, symmetries: Tensor, shifts: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Turn or mirror about the middle of the field of view, then shift periodically.
+
+    Args:
+        grids: Shape (B, n+1, X, Y, Z) with X = Y.
+        manipulations: Shape (B, n, 6).
+        symmetries: Orthogonal integer matrices on (x, y), shape (B, 2, 2).
+        shifts: Whole voxels along x and y, shape (B, 2), integer.
+
+    Returns:
+        Both, in the same shapes; points wrapped into [-1, 1).
+    """
+    count = grids.shape[2]
+    targets = torch.cartesian_prod(torch.arange(count), torch.arange(count))
+    # Twice the distance from the middle is an integer, for odd and even counts.
+    doubled = 2 * ((targets[None] - shifts[:, None]) % count) - (count - 1)
+    sources = (doubled @ symmetries + (count - 1)) // 2  # rows times A are (A^T p)^T
+    flat = sources[..., 0] * count + sources[..., 1]
+    columns = grids.flatten(2, 3)
+    index = flat[:, None, :, None].expand(columns.shape)
+    moved = columns.gather(2, index).view(grids.shape)
+    vectors = manipulations.unflatten(2, (3, 2)) @ symmetries.mT[:, None].to(manipulations.dtype)
+    vectors[:, :, :2] += (2.0 / count) * shifts[:, None, None]
+    vectors[:, :, :2] = (vectors[:, :, :2] + 1.0) % 2.0 - 1.0
+    return moved, vectors.flatten(2)
+
+
+def insert_failures(
+    grids: Tensor, manipulations: Tensor, probability: float, generator: torch.Generator
+) -> tuple[Tensor, Tensor]:
+    """Let a random step of some windows fail to grasp: its outcome is a copy of its initial state.
+
+    The displacement of the step stays, its points become unused, and what follows moves one step
+    later, so that a window of several steps stays true (for one step this is the paper's III-B).
+    Windows that have a step without grasp points already are left alone.
+    """
+    batch, steps = manipulations.shape[:2]
+    failing = torch.rand(batch, generator=generator) < probability
+    failing &= ~manipulations[..., :4].isnan().all(-1).any(1)
+    position = torch.randint(steps, (batch,), generator=generator)
+    position = torch.where(failing, position, steps)
+    return _delay(grids, manipulations, position)
+
+
+def spread_idle_steps(manipulations: Tensor, generator: torch.Generator) -> Tensor:
+    """Choose for each window that passes the end of its sequence where its idle step goes.
+
+    `SequenceSet.windows` fills such a window with steps at which nothing is done, at its end.
+
+    Returns:
+        Position of the idle step, shape (B,); the window's length where there is none.
+    """
+    batch, steps = manipulations.shape[:2]
+    position = torch.randint(steps, (batch,), generator=generator)
+    return torch.where(is_idle(manipulations[:, -1]), position, steps)
+
+
+def is_idle(manipulations: Tensor) -> Tensor:
+    """Whether manipulations (..., 6) are fillers at which nothing was done (all NaN)."""
+    return manipulations.isnan().all(-1)
+
+
+def fill_unused(
+    grids: Tensor, manipulations: Tensor, generator: torch.Generator, margin_voxels: int = 1
+) -> Tensor:
+    """Put unused points (NaN) at random places outside the cloth (III-A, III-B).
+
+    A NaN displacement (nothing was done) becomes a random one in [-1, 1].
+
+    Args:
+        grids: States before the manipulations, shape (B, n, X, Y, Z).
+        manipulations: Shape (B, n, 6).
+        generator: On the CPU.
+        margin_voxels: Distance kept from the silhouette, which wraps, where there is room.
+
+    Returns:
+        Manipulations without NaN.
+    """
+    points = manipulations[..., :4].unflatten(-1, (2, 2))
+    outside = random_points_outside(silhouettes(grids), generator, margin_voxels)
+    points = torch.where(points.isnan(), outside, points)
+    moves = manipulations[..., 4:]
+    random = 2.0 * torch.rand(moves.shape, generator=generator) - 1.0
+    moves = torch.where(moves.isnan(), random, moves)
+    return torch.cat([points.flatten(-2), moves], dim=-1)
+
+
+def random_points_outside(
+    silhouette: Tensor, generator: torch.Generator, margin_voxels: int = 1
+) -> Tensor:
+    """Draw two points outside each silhouette, uniformly over the columns without cloth.
+
+    Args:
+        silhouette: Boolean, shape (..., X, Y).
+        generator: On the CPU.
+        margin_voxels: See `fill_unused`. A silhouette that leaves no room at that distance gets
+            points that are merely outside.
+
+    Returns:
+        Shape (..., 2, 2), normalised.
+    """
+    shape = torch.tensor(silhouette.shape[-2:])
+    near = dilate(silhouette, margin_voxels)
+    score = 2.0 * ~silhouette + 1.0 * ~near
+    score = score[..., None, :, :].expand(*silhouette.shape[:-2], 2, *silhouette.shape[-2:])
+    best = (score + 0.9 * torch.rand(score.shape, generator=generator)).flatten(-2).argmax(-1)
+    column = torch.stack([best // shape[1], best % shape[1]], dim=-1)
+    inside = torch.rand(column.shape, generator=generator)
+    return (column + inside) / shape * 2.0 - 1.0
+
+
+def outside_cloth(points: Tensor, silhouette: Tensor) -> Tensor:
+    """Whether points (..., 2) lie outside the cloth of silhouettes (..., X, Y), wrapped."""
+    columns = columns_of(points, silhouette.shape[-1])
+    flat = columns[..., 0] * silhouette.shape[-1] + columns[..., 1]
+    return ~silhouette.flatten(-2).gather(-1, flat[..., None]).squeeze(-1)
+
+
+def _delay(grids: Tensor, manipulations: Tensor, position: Tensor) -> tuple[Tensor, Tensor]:
+    """Insert a step without effect at `position` (B,); one past the last step changes nothing."""
+    steps = manipulations.shape[1]
+    state = torch.arange(steps + 1)[None]
+    state = torch.where(state > position[:, None], state - 1, state)
+    step = torch.arange(steps)[None]
+    source = torch.where(step > position[:, None], step - 1, step)
+    rows = torch.arange(len(grids))[:, None]
+    delayed = manipulations[rows, source]
+    fails = step == position[:, None]
+    delayed[..., :4] = torch.where(fails[..., None], torch.nan, delayed[..., :4])
+    return grids[rows, state], delayed
+
+
+def _random_motions(
+    batch: int, count: int, config: AugmentationConfig, generator: torch.Generator
+) -> tuple[Tensor, Tensor]:
+    turns = torch.randint(4, (batch,), generator=generator) * config.rotate
+    mirrored = torch.randint(2, (batch,), generator=generator) * config.mirror
+    reach = min(config.translation_voxels, count)
+    shifts = torch.randint(-reach, reach + 1, (batch, 2), generator=generator)
+    return SYMMETRIES[turns + 4 * mirrored], shifts

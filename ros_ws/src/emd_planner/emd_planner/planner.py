@@ -1,0 +1,140 @@
+"""Search for manipulations by back-propagation (paper, III-C), for any model and cost."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+import torch
+from torch import Tensor
+
+from emd_core.errors import CancelledError
+from emd_planner.config import PlannerConfig
+from emd_planner.irprop import IrpropMinus
+
+Prediction = TypeVar("Prediction")
+
+
+@dataclass(frozen=True)
+class SearchProgress:
+    """The search after an iteration.
+
+    Attributes:
+        iteration: Iterations done, from 1.
+        best_cost: Lowest cost that any restart has had.
+        best_values: The values that had it, shape (n, V), normalised.
+        active: Restarts that still improve.
+    """
+
+    iteration: int
+    best_cost: float
+    best_values: Tensor
+    active: int
+
+
+@dataclass(frozen=True)
+class SearchResult:
+    """The best of each restart, best restart first.
+
+    Attributes:
+        values: Shape (R, n, V), within [-1, 1].
+        costs: Shape (R,), ascending; infinite for a restart whose cost was never finite.
+        iterations: Iterations done.
+    """
+
+    values: Tensor
+    costs: Tensor
+    iterations: int
+
+
+def search(
+    predict: Callable[[Tensor], Prediction],
+    cost: Callable[[Prediction, Tensor], Tensor],
+    initial_values: Tensor,
+    config: PlannerConfig,
+    on_iteration: Callable[[SearchProgress], None] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> SearchResult:
+    """Lower the cost of all restarts side by side with iRprop- (III-C, steps 2 to 6).
+
+    A restart ends when its cost has not improved for `patience` iterations; the search ends when
+    all restarts have, after `max_iterations`, or when the time budget is spent. Every restart
+    keeps the best values that it met, so a late overshoot costs nothing.
+
+    Args:
+        predict: Maps values (A, n, V) of the restarts that still run to a prediction.
+        cost: Maps that prediction and the values to costs (A,), differentiable in the values.
+        initial_values: One random start per restart, shape (R, n, V).
+        config: Steps, limits and bounds.
+        on_iteration: Told of the progress after every iteration.
+        should_stop: Asked before every iteration.
+
+    Raises:
+        CancelledError: If `should_stop` says so; the best so far was told to `on_iteration`.
+    """
+    started = time.monotonic()
+    values = initial_values.clone().clamp(-1.0, 1.0)
+    best_values = values.clone()
+    best_costs = torch.full((len(values),), torch.inf, device=values.device)
+    stale = torch.zeros(len(values), dtype=torch.long, device=values.device)
+    rows = torch.arange(len(values), device=values.device)
+    optimiser = IrpropMinus(values.shape, config, values.device)
+    iteration = 0
+    while iteration < config.max_iterations and len(rows):
+        if should_stop is not None and should_stop():
+            raise CancelledError("the search for a plan was asked to stop")
+        if time.monotonic() - started > config.time_budget and iteration > 0:
+            break
+        iteration += 1
+        candidate = values[rows].requires_grad_(True)
+        costs = cost(predict(candidate), candidate)
+        (gradient,) = torch.autograd.grad(costs.sum(), candidate)
+        costs, candidate = costs.detach(), candidate.detach()
+        improved = costs < best_costs[rows] - config.min_improvement
+        better = rows[improved]
+        best_costs[better], best_values[better] = costs[improved], candidate[improved]
+        stale[rows] = torch.where(improved, 0, stale[rows] + 1)
+        values[rows] = (candidate + optimiser.move(gradient.nan_to_num(), rows)).clamp(-1.0, 1.0)
+        rows = rows[stale[rows] < config.patience]
+        if on_iteration is not None:
+            best = int(best_costs.argmin())
+            on_iteration(
+                SearchProgress(
+                    iteration, float(best_costs[best]), best_values[best].clone(), len(rows)
+                )
+            )
+    order = best_costs.argsort()
+    return SearchResult(best_values[order], best_costs[order], iteration)
+
+
+def random_values(
+    restarts: int,
+    steps: int,
+    silhouette: Tensor | None,
+    generator: torch.Generator,
+    device: torch.device,
+) -> Tensor:
+    """Draw starts for `search` (III-C, step 2).
+
+    Args:
+        restarts: Number of starts.
+        steps: Manipulations in each.
+        silhouette: Boolean (X, Y): grasp points start uniformly on these columns; None: anywhere
+            in [-1, 1]. Where the cloth lies in later steps is not known; its first place is used.
+        generator: On the CPU.
+        device: Of the result.
+
+    Returns:
+        Shape (restarts, steps, 6): points x0 y0 x1 y1, then a displacement in [-1, 1].
+    """
+    values = 2.0 * torch.rand((restarts, steps, 6), generator=generator) - 1.0
+    columns = torch.nonzero(silhouette.cpu()) if silhouette is not None else torch.zeros(0, 2)
+    if silhouette is not None and len(columns):
+        choice = torch.randint(len(columns), (restarts, steps, 2), generator=generator)
+        inside = torch.rand((restarts, steps, 2, 2), generator=generator)
+        size = torch.tensor(silhouette.shape)
+        points = (columns[choice] + inside) / size * 2.0 - 1.0
+        values[..., :4] = points.flatten(2)
+    return values.to(device)

@@ -1,0 +1,116 @@
+"""How a batch changes the weights: AdamW on a weighted sum, or the Manhattan rule (eq. 3)."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from emd_planner.config import TrainingConfig
+from emd_planner.emd_net import EmdNet
+from emd_planner.losses import consistency_loss, state_loss
+from emd_planner.manhattan import Manhattan
+
+
+class Losses:
+    """The losses of one batch, scalars with gradients.
+
+    Attributes:
+        state: loss_s (eq. 1), mean over the windows and their steps.
+        consistency: loss_c (eq. 2), likewise.
+        reconstruction: Squared error of D(E(s)) against s, or 0 if it is not wanted.
+    """
+
+    def __init__(
+        self, net: EmdNet, grids: Tensor, manipulations: Tensor, reconstruct: bool = False
+    ) -> None:
+        """Run the net over windows of grids (B, n+1, X, Y, Z) and manipulations (B, n, 6)."""
+        batch, steps = manipulations.shape[:2]
+        codes = net.encode(grids.flatten(0, 1)).unflatten(0, (batch, steps + 1))
+        predicted = torch.stack(net.roll_out(codes[:, 0], manipulations), dim=1)
+        actual = grids.float()
+        decoded = net.decode(predicted.flatten(0, 1))
+        self.state = state_loss(decoded, actual[:, 1:].flatten(0, 1)).mean()
+        self.consistency = consistency_loss(
+            predicted.flatten(0, 1), codes[:, 1:].flatten(0, 1)
+        ).mean()
+        self.reconstruction = self.state.new_zeros(())
+        if reconstruct:
+            self.reconstruction = state_loss(net.decode(codes[:, 0]), actual[:, 0]).mean()
+
+
+class AdamWRecipe:
+    """AdamW with warm-up and cosine decay on loss_s + w_c loss_c + w_r loss_r (ours)."""
+
+    def __init__(self, net: nn.Module, config: TrainingConfig) -> None:
+        """Keep the weights; vectors (biases) do not decay."""
+        self.config = config
+        self.parameters = [p for p in net.parameters() if p.requires_grad]
+        matrices = [p for p in self.parameters if p.ndim > 1]
+        vectors = [p for p in self.parameters if p.ndim <= 1]
+        self.optimiser = torch.optim.AdamW(
+            [
+                {"params": matrices, "weight_decay": config.weight_decay},
+                {"params": vectors, "weight_decay": 0.0},
+            ],
+            lr=config.learning_rate,
+            betas=(0.9, 0.98),
+            fused=True,
+        )
+
+    def step(self, losses: Losses, progress: float) -> None:
+        """Change the weights; `progress` is the part of the run that is over, 0..1."""
+        config = self.config
+        total = losses.state + config.consistency_weight * losses.consistency
+        total = total + config.reconstruction_weight * losses.reconstruction
+        for group in self.optimiser.param_groups:
+            group["lr"] = config.learning_rate * learning_rate_share(progress, config)
+        self.optimiser.zero_grad(set_to_none=True)
+        total.backward()
+        nn.utils.clip_grad_norm_(self.parameters, config.gradient_clip)
+        self.optimiser.step()
+
+    def state_dict(self) -> dict[str, Any]:
+        """Give what a checkpoint needs."""
+        return self.optimiser.state_dict()
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Take what `state_dict` gave."""
+        self.optimiser.load_state_dict(state)
+
+
+class ManhattanRecipe:
+    """The paper's rule: the signs of the gradients of loss_s and loss_c, summed (eq. 3)."""
+
+    def __init__(self, net: nn.Module, config: TrainingConfig) -> None:
+        """Keep the weights."""
+        self.optimiser = Manhattan(net.parameters(), config.learning_rate)
+
+    def step(self, losses: Losses, progress: float) -> None:
+        """Change the weights; the learning rate is constant, so `progress` does not matter."""
+        state = self.optimiser.gradients(losses.state, retain_graph=True)
+        self.optimiser.step(state, self.optimiser.gradients(losses.consistency))
+
+    def state_dict(self) -> dict[str, Any]:
+        """Give what a checkpoint needs."""
+        return self.optimiser.state_dict()
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Take what `state_dict` gave."""
+        self.optimiser.load_state_dict(state)
+
+
+def make_recipe(net: nn.Module, config: TrainingConfig) -> AdamWRecipe | ManhattanRecipe:
+    """Choose by `config.recipe`."""
+    return (ManhattanRecipe if config.recipe == "manhattan" else AdamWRecipe)(net, config)
+
+
+def learning_rate_share(progress: float, config: TrainingConfig) -> float:
+    """Give the learning rate over its peak: a linear warm-up, then half a cosine."""
+    if progress < config.warm_up_share:
+        return max(progress / config.warm_up_share, 0.01)
+    fallen = (progress - config.warm_up_share) / (1.0 - config.warm_up_share)
+    low = config.final_learning_rate_share
+    return low + (1.0 - low) * 0.5 * (1.0 + math.cos(math.pi * min(fallen, 1.0)))
