@@ -5,22 +5,20 @@ from __future__ import annotations
 import shlex
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import rclpy
 from rich.console import Console
 
+from emd_cell.goals import Goal, load_goal
 from emd_cell.launcher import Launcher
 from emd_cell.nodes import cell_nodes, recorder_node
 from emd_cell.report import DemoReport, StripColumn, error_entry, write_gif, write_strip
 from emd_cell.ros.cell_client import CellClient
 from emd_cell.ros.folding_loop import FoldingConfig, FoldingLoop
-from emd_cloth_sim.config import ClothConfig
-from emd_cloth_sim.neat_folds import NEAT_FOLDS, neat_fold
 from emd_core.errors import CellError, InvalidInputError
-from emd_core.frames import FieldOfView
-from emd_core.voxel_grid import VoxelGrid
 
 
 @dataclass(frozen=True)
@@ -46,40 +44,18 @@ class DemoOptions:
     real_time_factor: float = 0.0
 
 
-def load_goal(goal: str) -> tuple[VoxelGrid, int]:
-    """Give the goal's voxel grid and how many manipulations it takes by hand (1 for a file).
-
-    Raises:
-        InvalidInputError: If it is neither a neat fold's name nor a readable grid.
-    """
-    if goal in NEAT_FOLDS:
-        fold = neat_fold(goal, ClothConfig())
-        return fold.goal_grid(ClothConfig(), FieldOfView()), len(fold.manipulations)
-    if not Path(goal).exists():
-        raise InvalidInputError(
-            f"the goal must be one of {', '.join(NEAT_FOLDS)} or a voxel grid's file, got {goal}"
-        )
-    grid = VoxelGrid.load(Path(goal))
-    if grid.field_of_view != FieldOfView():
-        raise InvalidInputError(
-            f"{goal} has another field of view than the cell ({grid.field_of_view} instead of "
-            f"{FieldOfView()}); voxelise the goal with the cell's"
-        )
-    return grid, 1
-
-
 def run_demo(options: DemoOptions, console: Console) -> DemoReport:
     """Start the cell, fold, write report.json, strip.png and fold.gif; never raises a CellError.
 
     Raises:
         InvalidInputError: If the goal or the bag's directory cannot be used; nothing was started.
     """
-    goal, steps_by_hand = load_goal(options.goal)
+    goal = load_goal(options.goal)
     if options.record is not None and options.record.exists():
         raise InvalidInputError(f"{options.record} exists already; name another bag to record")
     options.out.mkdir(parents=True, exist_ok=True)
     report = DemoReport(options.goal, options.seed, shlex.join(["./cell", *sys.argv[1:]]))
-    config = FoldingConfig(steps=options.steps or steps_by_hand, seed=options.seed)
+    config = FoldingConfig(steps=options.steps or goal.steps, seed=options.seed)
     started = time.monotonic()
     with console.status("starting the cell") as status:
         nodes = cell_nodes(options.seed, options.gui, True, options.real_time_factor)
@@ -94,22 +70,22 @@ def run_demo(options: DemoOptions, console: Console) -> DemoReport:
 
 def _fold(
     launcher: Launcher,
-    goal: VoxelGrid,
+    goal: Goal,
     config: FoldingConfig,
     report: DemoReport,
     out: Path,
-    on_phase,
+    on_phase: Callable[[str], None],
 ) -> None:
     rclpy.init()
     client = CellClient(on_spin=launcher.require_alive)
-    loop = FoldingLoop(client, goal, config, report, on_phase)
+    loop = FoldingLoop(client, goal.grid, config, report, on_phase)
     try:
         client.wait_for_cell()
         loop.run()
     except CellError as err:
         report.error = error_entry(err)
     finally:
-        columns = [*loop.trace.columns, StripColumn("goal", goal)]
+        columns = [*loop.trace.columns, StripColumn("goal", goal.grid)]
         on_phase("writing pictures")
         write_strip(out / "strip.png", columns)
         if client.overview_frames:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -61,6 +62,15 @@ class Manipulation:
     def release_points_in_table(self) -> FloatArray:
         """Where the hands let go, shape (2, 2), metres; NaN rows: unused."""
         return self.grasp_points_in_table + self.displacement_in_table
+
+    def as_entry(self) -> dict[str, Any]:
+        """Give it as JSON holds it: metres, table frame; an unused point is null."""
+        points = self.grasp_points_in_table.tolist()
+        used = zip(points, self.used, strict=True)
+        return {
+            "grasp_points": [point if is_used else None for point, is_used in used],
+            "displacement": self.displacement_in_table.tolist(),
+        }
 
     def to_network(self, field_of_view: FieldOfView) -> FloatArray:
         """Give the six normalised values x0 y0 x1 y1 dx dy; an unused point stays NaN."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,6 @@ from numpy.typing import NDArray
 from emd_cell.report import DemoReport, Score, StepReport, StripColumn, error_entry
 from emd_cell.ros.cell_client import CellClient, Plan
 from emd_core.errors import CellError
-from emd_core.manipulation import Manipulation
 from emd_core.metrics import voxel_mse
 from emd_core.voxel_grid import VoxelGrid
 
@@ -97,14 +95,14 @@ class FoldingLoop:
     def _fold_once(self, seen: VoxelGrid, remaining: int, step: StepReport) -> VoxelGrid:
         plan = self._plan(seen, remaining)
         step.plan_ms, step.predicted_mse = plan.planning_ms, plan.predicted_loss
-        step.planned = _as_entry(plan.manipulations[0])
+        step.planned = plan.manipulations[0].as_entry()
         number = len(self._report.steps)
         self.trace.columns.append(StripColumn(f"predicted {number}", plan.predicted_grids[0]))
         grasped = self._client.execute(
             plan.manipulations[0],
             lambda phase, progress: self._on_phase(f"executing: {phase} {progress:.0%}"),
         )
-        step.grasped = _as_entry(grasped)
+        step.grasped = grasped.as_entry()
         return self._look(f"after {number}")
 
     def _plan(self, seen: VoxelGrid, steps: int) -> Plan:
@@ -135,14 +133,3 @@ class FoldingLoop:
 
     def _score(self, seen: VoxelGrid) -> Score:
         return Score.of(self._client.true_grid(), seen, self._goal)
-
-
-def _as_entry(manipulation: Manipulation) -> dict[str, Any]:
-    """A manipulation as the report holds it; unused points are null."""
-    points = manipulation.grasp_points_in_table.tolist()
-    return {
-        "grasp_points": [
-            point if used else None for point, used in zip(points, manipulation.used, strict=True)
-        ],
-        "displacement": manipulation.displacement_in_table.tolist(),
-    }

@@ -1,0 +1,46 @@
+"""`./cell plan`: two voxel grids to a plan, without ROS."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from emd_cell.goals import load_goal
+from emd_core.voxel_grid import VoxelGrid
+from emd_planner.config import ReachConfig
+from emd_planner.plan import plan
+from emd_planner.weights import load_net
+
+
+def plan_files(
+    initial: Path, goal: str, steps: int, seed: int, weights: Path | None, out: Path | None
+) -> dict[str, Any]:
+    """Plan and give the plan as a JSON-like entry; points and displacements in metres.
+
+    Raises:
+        InvalidInputError: If a grid cannot be used.
+        ModelError: If the weights cannot be used.
+        NoPlanError: If the search finds nothing.
+    """
+    found = plan(
+        load_net(weights),
+        VoxelGrid.load(initial),
+        load_goal(goal).grid,
+        steps,
+        reach=ReachConfig(),
+        seed=seed,
+    )
+    entry = {
+        "manipulations": [item.as_entry() for item in found.manipulations],
+        "predicted_mse": found.predicted_loss,
+        "initial_mse": found.initial_loss,
+        "plan_ms": found.planning_ms,
+        "iterations": found.iterations,
+    }
+    if out is not None:
+        temporary = out.with_suffix(".tmp")
+        temporary.write_text(json.dumps(entry, indent=1))
+        os.replace(temporary, out)
+    return entry

@@ -1,0 +1,205 @@
+"""The planner node: an action and a service that turn two voxel grids into a plan."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from visualization_msgs.msg import MarkerArray
+
+from emd_core.errors import CancelledError, InvalidInputError, NoObservationError
+from emd_core.manipulation import Manipulation
+from emd_core.ros import conversions
+from emd_core.ros.markers import ORANGE, clear_marker, manipulation_markers, voxel_marker
+from emd_core.ros.parameters import declare_config
+from emd_core.ros.results import set_error
+from emd_core.ros.spin import spin_node
+from emd_core.ros.worker import SingleWorker
+from emd_core.voxel_grid import VoxelGrid
+from emd_msgs_py.action import PlanFold
+from emd_msgs_py.msg import FoldPlan as FoldPlanMsg
+from emd_msgs_py.msg import VoxelGrid as VoxelGridMsg
+from emd_msgs_py.srv import PlanFold as PlanFoldService
+from emd_planner.config import PlannerConfig, Polygon, ReachConfig
+from emd_planner.device import resolve_device
+from emd_planner.plan import FoldPlan, PlanningProgress, plan
+from emd_planner.weights import load_net
+
+
+class PlannerNode(Node):
+    """Serves plans, one at a time."""
+
+    def __init__(self) -> None:
+        """Load the network and offer action and service.
+
+        Raises:
+            ModelError: If the weights are missing or do not fit.
+            InvalidInputError: If a parameter is out of range.
+        """
+        super().__init__("planner")
+        self._config = declare_config(self, PlannerConfig(), "search.")
+        self._reach = self._declare_reach()
+        weights = self.declare_parameter("weights", "").value
+        device = resolve_device(self.declare_parameter("device", "auto").value)
+        self._net = load_net(Path(weights) if weights else None).to(device)
+        self._latest: VoxelGridMsg | None = None
+        self.create_subscription(
+            VoxelGridMsg, "perception/voxel_grid", self._on_grid, qos_profile_sensor_data
+        )
+        self._markers = self.create_publisher(MarkerArray, "planner/markers", 5)
+        self._worker = SingleWorker(self, "planning")
+        self._action = ActionServer(
+            self,
+            PlanFold,
+            "planner/plan_fold",
+            execute_callback=self._on_goal,
+            goal_callback=lambda request: GoalResponse.ACCEPT,
+            cancel_callback=lambda goal_handle: CancelResponse.ACCEPT,
+        )
+        self.create_service(PlanFoldService, "planner/plan", self._on_request)
+
+    def _declare_reach(self) -> ReachConfig | None:
+        """Read each arm's polygon, given as x0 y0 x1 y1 ... in metres; empty: no limit."""
+        polygons = []
+        for arm, default in vars(ReachConfig()).items():
+            start = [float(value) for corner in default for value in corner]
+            values = self.declare_parameter(f"reach.{arm}", start).value
+            if len(values) % 2 or 0 < len(values) < 6:
+                raise InvalidInputError(
+                    f"reach.{arm} needs x y of at least three corners, got {len(values)} values"
+                )
+            polygons.append(_corners(values))
+        return ReachConfig(*polygons) if all(polygons) else None
+
+    def _on_grid(self, message: VoxelGridMsg) -> None:
+        self._latest = message
+
+    async def _on_goal(self, goal_handle: ServerGoalHandle) -> PlanFold.Result:
+        result = PlanFold.Result()
+        try:
+            await self._worker.run(
+                lambda: self._plan(
+                    goal_handle.request,
+                    result,
+                    goal_handle.publish_feedback,
+                    lambda: goal_handle.is_cancel_requested,
+                )
+            )
+        except CancelledError as err:
+            goal_handle.canceled()
+            return set_error(result, err, self)  # type: ignore[no-any-return]
+        except Exception as err:
+            goal_handle.abort()
+            return set_error(result, err, self)  # type: ignore[no-any-return]
+        goal_handle.succeed()
+        return result
+
+    async def _on_request(
+        self, request: PlanFoldService.Request, response: PlanFoldService.Response
+    ) -> PlanFoldService.Response:
+        try:
+            await self._worker.run(lambda: self._plan(request, response, None, lambda: False))
+        except Exception as err:
+            return set_error(response, err, self)  # type: ignore[no-any-return]
+        return response
+
+    def _plan(
+        self,
+        request: Any,
+        result: Any,
+        publish: Callable[[PlanFold.Feedback], None] | None,
+        should_stop: Callable[[], bool],
+    ) -> None:
+        """Plan in the worker's thread and fill the result of action or service."""
+        initial = self._initial_grid(request)
+        goal = conversions.voxel_grid_from_message(request.goal_grid)
+        config = dataclasses.replace(
+            self._config,
+            restarts=request.restarts or self._config.restarts,
+            time_budget=request.time_budget or self._config.time_budget,
+        )
+        found = plan(
+            self._net,
+            initial,
+            goal,
+            request.steps,
+            config,
+            self._reach,
+            request.seed,
+            publish and (lambda progress: publish(self._feedback(progress, initial))),
+            should_stop,
+        )
+        result.plan = self._plan_message(found)
+        result.loss = found.predicted_loss
+        result.planning_time = conversions.duration_to_message(found.planning_ms * 1e-3)
+        self._show(found)
+
+    def _initial_grid(self, request: Any) -> VoxelGrid:
+        if not request.use_latest_grid:
+            return conversions.voxel_grid_from_message(request.initial_grid)
+        if self._latest is None:
+            raise NoObservationError(
+                "no voxel grid has come on perception/voxel_grid yet; start perception, or send "
+                "initial_grid with use_latest_grid false"
+            )
+        return conversions.voxel_grid_from_message(self._latest)
+
+    def _plan_message(self, found: FoldPlan) -> FoldPlanMsg:
+        header = self._table_header()
+        return FoldPlanMsg(
+            header=header,
+            manipulations=[
+                conversions.manipulation_to_message(item, header) for item in found.manipulations
+            ],
+            predicted_grids=[
+                conversions.voxel_grid_to_message(grid, header) for grid in found.predicted_grids
+            ],
+            predicted_loss=found.predicted_loss,
+        )
+
+    def _feedback(self, progress: PlanningProgress, initial: VoxelGrid) -> PlanFold.Feedback:
+        """The search's progress as a message; whether a hand is used is decided at the end."""
+        search, header = progress.search, self._table_header()
+        rows = np.asarray(search.best_values, dtype=np.float64)
+        made = [
+            Manipulation.from_network(row, (True, True), initial.field_of_view) for row in rows
+        ]
+        best_plan = FoldPlanMsg(
+            header=header,
+            manipulations=[conversions.manipulation_to_message(item, header) for item in made],
+            predicted_loss=search.best_cost,
+        )
+        return PlanFold.Feedback(
+            iteration=search.iteration, best_loss=search.best_cost, best_plan=best_plan
+        )
+
+    def _show(self, found: FoldPlan) -> None:
+        header = self._table_header()
+        markers = [clear_marker(header, "plan")]
+        markers += manipulation_markers(found.manipulations, header, "plan")
+        markers.append(voxel_marker(found.predicted_grids[-1], header, "predicted", ORANGE, 0.4))
+        self._markers.publish(MarkerArray(markers=markers))
+
+    def _table_header(self) -> Any:
+        return conversions.header(self.get_clock().now().to_msg(), conversions.TABLE_FRAME)
+
+
+def _corners(values: list[float]) -> Polygon:
+    return tuple((float(x), float(y)) for x, y in zip(values[::2], values[1::2], strict=True))
+
+
+def main() -> int:
+    """Run the node until interrupted."""
+    return spin_node(PlannerNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
