@@ -11,6 +11,11 @@ setup(
         ("share/ament_index/resource_index/packages", ["resource/emd_arm_executor"]),
         ("share/emd_arm_executor", ["package.xml"]),
     ],
+    entry_points={
+        "console_scripts": [
+            "executor_node = emd_arm_executor.ros.executor_node:main",
+        ]
+    },
     install_requires=["setuptools"],
     zip_safe=True,
     license="Apache-2.0",

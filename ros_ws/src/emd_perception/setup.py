@@ -11,6 +11,11 @@ setup(
         ("share/ament_index/resource_index/packages", ["resource/emd_perception"]),
         ("share/emd_perception", ["package.xml"]),
     ],
+    entry_points={
+        "console_scripts": [
+            "perception_node = emd_perception.ros.perception_node:main",
+        ]
+    },
     install_requires=["setuptools"],
     zip_safe=True,
     license="Apache-2.0",

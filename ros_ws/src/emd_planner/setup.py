@@ -11,6 +11,11 @@ setup(
         ("share/ament_index/resource_index/packages", ["resource/emd_planner"]),
         ("share/emd_planner", ["package.xml"]),
     ],
+    entry_points={
+        "console_scripts": [
+            "planner_node = emd_planner.ros.planner_node:main",
+        ]
+    },
     install_requires=["setuptools"],
     zip_safe=True,
     license="Apache-2.0",

@@ -153,11 +153,13 @@ class Launcher:
 
     def _start(self, spec: NodeSpec) -> subprocess.Popen[bytes]:
         command = [sys.executable, "-m", spec.module, "--ros-args", "-r", f"__node:={spec.name}"]
+        if spec.namespace:
+            command += ["-r", f"__ns:={spec.namespace}"]
         if spec.parameters:
             file = self._log_directory / f"{spec.name}.yaml"
-            file.write_text(
-                yaml.safe_dump({spec.name: {"ros__parameters": dict(spec.parameters)}})
-            )
+            full_name = f"{spec.namespace}/{spec.name}"
+            parameters = {"ros__parameters": dict(spec.parameters)}
+            file.write_text(yaml.safe_dump({full_name: parameters}))
             command += ["--params-file", str(file)]
         with open(self._log_directory / f"{spec.name}.log", "ab") as log:
             process = subprocess.Popen(

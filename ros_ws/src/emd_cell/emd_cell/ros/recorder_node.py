@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -57,7 +58,7 @@ class RecorderNode(Node):
             self.create_subscription(
                 message_class(name),
                 topic,
-                lambda data, connection=connection: self._write(connection, data),
+                partial(self._write, connection),
                 _quality_of_service(topic),
                 raw=True,
             )
