@@ -1,0 +1,188 @@
+"""Noise of a Kinect v1: what it does to depth and colour."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from emd_core.errors import InvalidInputError
+from emd_core.frames import FloatArray
+from emd_core.pinhole_camera import PinholeCamera
+
+DepthImage = NDArray[np.float32]
+ColourImage = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class KinectNoiseConfig:
+    """Constants of the noise model.
+
+    Attributes:
+        axial_floor: Standard deviation of the depth at `axial_distance`, metres.
+        axial_growth: Its growth with the square of the distance beyond that, 1/m (Nguyen, Izadi
+            and Lovell, 3DIMPVT 2012).
+        axial_distance: Distance of least noise, metres.
+        lateral_jitter: Standard deviation of the place where a pixel measures, pixels (same
+            source).
+        disparity_step: The sensor measures disparity in steps of this, pixels (Khoshelham and Oude
+            Elberink, Sensors 2012).
+        infrared_focal_length: Of the camera that measures disparity, pixels.
+        baseline: From projector to that camera, metres.
+        grazing_angle: Half of the pixels that see a surface at this angle between ray and normal
+            have no depth, radians.
+        grazing_softness: Width of the change from all to none, radians.
+        dropout_rate: Share of pixels without depth anywhere.
+        nearest: Nothing nearer is measured, metres.
+        farthest: Nothing farther is measured, metres.
+        colour_sigma: Standard deviation of the colour channels, levels of 255.
+    """
+
+    axial_floor: float = 0.0012
+    axial_growth: float = 0.0019
+    axial_distance: float = 0.4
+    lateral_jitter: float = 0.8
+    disparity_step: float = 0.125
+    infrared_focal_length: float = 580.0
+    baseline: float = 0.075
+    grazing_angle: float = math.radians(80.0)
+    grazing_softness: float = math.radians(2.0)
+    dropout_rate: float = 0.002
+    nearest: float = 0.4
+    farthest: float = 4.0
+    colour_sigma: float = 2.5
+
+    def __post_init__(self) -> None:
+        """Check the ranges.
+
+        Raises:
+            InvalidInputError: If a value is negative, a length or step zero, the rate above 1 or
+                the range empty.
+        """
+        values = np.array([getattr(self, name) for name in self.__dataclass_fields__])
+        if not np.isfinite(values).all() or (values < 0).any():
+            raise InvalidInputError(f"noise constants must be finite and >= 0, got {self}")
+        positive = (self.infrared_focal_length, self.baseline, self.grazing_softness)
+        if min(*positive, self.disparity_step) <= 0:
+            raise InvalidInputError(f"lengths and steps must be positive, got {self}")
+        if self.dropout_rate > 1 or self.nearest >= self.farthest:
+            raise InvalidInputError(
+                f"a rate up to 1 and nearest < farthest are wanted, got {self.dropout_rate}, "
+                f"{self.nearest} and {self.farthest}"
+            )
+
+    def axial_sigma(self, depth: float) -> float:
+        """Standard deviation of a depth before it is quantised, metres."""
+        beyond = max(depth - self.axial_distance, 0.0)
+        return self.axial_floor + self.axial_growth * beyond**2
+
+    def depth_step(self, depth: float) -> float:
+        """Distance of neighbouring depths that the sensor can tell, metres."""
+        return self.disparity_step * depth**2 / (self.infrared_focal_length * self.baseline)
+
+
+class KinectNoise:
+    """Adds noise to rendered pictures; the same generator state gives the same noise."""
+
+    def __init__(self, rng: np.random.Generator, config: KinectNoiseConfig | None = None) -> None:
+        """Take the source of randomness and the constants of the model."""
+        self._rng = rng
+        self.config = config or KinectNoiseConfig()
+
+    def depth(self, depth: DepthImage, camera: PinholeCamera) -> DepthImage:
+        """Measure a depth image as the sensor would.
+
+        Args:
+            depth: Metres, shape (H, W), NaN where nothing is.
+            camera: Its intrinsics.
+
+        Returns:
+            Metres, shape (H, W), float32, NaN where the sensor has no answer.
+        """
+        if depth.shape != (camera.height, camera.width):
+            raise InvalidInputError(
+                f"a depth image of shape {(camera.height, camera.width)} is wanted, "
+                f"got {depth.shape}"
+            )
+        config = self.config
+        normals = self._rng.standard_normal((3, *depth.shape), dtype=np.float32)
+        uniforms = self._rng.random(depth.shape, dtype=np.float32)
+        constants = np.array(
+            [
+                config.axial_floor,
+                config.axial_growth,
+                config.axial_distance,
+                config.lateral_jitter,
+                config.infrared_focal_length * config.baseline / config.disparity_step,
+                config.grazing_angle,
+                config.grazing_softness,
+                config.dropout_rate,
+                config.nearest,
+                config.farthest,
+            ]
+        )
+        intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
+        measured = np.empty_like(depth, dtype=np.float32)
+        _measure(np.ascontiguousarray(depth), intrinsics, constants, normals, uniforms, measured)
+        return measured
+
+    def colour(self, colour: ColourImage) -> ColourImage:
+        """Add noise to a colour image, shape (H, W, 3), uint8."""
+        noise = self._rng.standard_normal(colour.shape, dtype=np.float32)
+        noise *= self.config.colour_sigma
+        noise += colour
+        return np.clip(np.rint(noise, out=noise), 0, 255, out=noise).astype(np.uint8)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _measure(
+    depth: DepthImage,
+    intrinsics: FloatArray,
+    constants: FloatArray,
+    normals: NDArray[np.float32],
+    uniforms: DepthImage,
+    measured: DepthImage,
+) -> None:
+    """Measure every pixel: jitter, axial noise, quantisation of the disparity, drop-outs."""
+    floor, growth, best, jitter, steps = constants[:5]
+    grazing, softness, rate, nearest, farthest = constants[5:]
+    height, width = depth.shape
+    for row in range(height):
+        for column in range(width):
+            i = int(np.rint(row + jitter * normals[0, row, column]))
+            j = int(np.rint(column + jitter * normals[1, row, column]))
+            i, j = min(max(i, 0), height - 1), min(max(j, 0), width - 1)
+            z = float(depth[i, j])
+            angle = _incidence(depth, i, j, intrinsics)
+            lost = rate + 1.0 / (1.0 + np.exp((grazing - angle) / (0.25 * softness)))
+            measured[row, column] = np.nan
+            # A comparison with NaN is false, so that missing depth stays missing.
+            if z > 0.0 and uniforms[row, column] >= lost:
+                beyond = max(z - best, 0.0)
+                z += (floor + growth * beyond * beyond) * normals[2, row, column]
+                z = steps / np.rint(steps / max(z, 1e-3))
+                if nearest <= z <= farthest:
+                    measured[row, column] = z
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _incidence(depth: DepthImage, row: int, column: int, intrinsics: FloatArray) -> float:
+    """Angle between the ray of a pixel and the normal of what it sees, radians."""
+    height, width = depth.shape
+    fx, fy, cx, cy = intrinsics
+    up, down = max(row - 1, 0), min(row + 1, height - 1)
+    left, right = max(column - 1, 0), min(column + 1, width - 1)
+    z = float(depth[row, column])
+    zu = (float(depth[row, right]) - float(depth[row, left])) / (right - left)
+    zv = (float(depth[down, column]) - float(depth[up, column])) / (down - up)
+    x, y = (column - cx) / fx, (row - cy) / fy
+    # Normal = dP/du x dP/dv of the point P = z (x, y, 1), up to a factor z.
+    nx, ny = -zu / fy, -zv / fx
+    nz = z / (fx * fy) + x * zu / fy + y * zv / fx
+    along = abs(nx * x + ny * y + nz)
+    length = np.sqrt((nx * nx + ny * ny + nz * nz) * (x * x + y * y + 1.0))
+    angle = np.arccos(min(along / length, 1.0))
+    return angle if np.isfinite(angle) else 0.5 * np.pi

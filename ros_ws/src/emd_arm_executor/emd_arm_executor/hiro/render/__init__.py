@@ -1,0 +1,1 @@
+"""A z-buffer renderer for the cell: colour, metric depth and segmentation."""
