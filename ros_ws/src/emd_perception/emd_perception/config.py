@@ -1,0 +1,214 @@
+"""The settings of perception; every default lives here and only here."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+
+from emd_core.errors import InvalidInputError
+
+
+def _require(condition: bool, config: object, name: str, wanted: str) -> None:
+    if not condition:
+        raise InvalidInputError(
+            f"{type(config).__name__}.{name} must be {wanted}, got {getattr(config, name)}"
+        )
+
+
+def _require_positive(config: object, *names: str) -> None:
+    for name in names:
+        value = getattr(config, name)
+        _require(math.isfinite(value) and value > 0, config, name, "positive and finite")
+
+
+def _require_share(config: object, *names: str) -> None:
+    for name in names:
+        _require(0.0 <= getattr(config, name) <= 1.0, config, name, "a share in 0..1")
+
+
+@dataclass(frozen=True)
+class SegmentationConfig:
+    """How GraphCut separates the cloth from the table (paper, IV-B).
+
+    Colours are CIE L*a*b* units, lengths metres on the table.
+
+    Attributes:
+        working_pixels: The picture is reduced to at most so many pixels for the first cut.
+        iterations: Rounds of model fitting and cutting on the reduced picture.
+        refined_band: Half width of the band along the first outline that is cut again at full
+            resolution, pixels of the reduced picture; 0 leaves the first cut as it is.
+        chroma_gain: Stretch of a* and b* against L* before the cut: the table's grain and the
+            shadows live in L*.
+        chroma_floor: Least spread of the table's a* and b* that is assumed.
+        lightness_floor: Least spread of the table's L* that is assumed; wide, because a shadow
+            changes L* alone.
+        height_floor: Least spread of the table's measured height that is assumed. A Kinect's
+            own distortion reaches several millimetres at 1 m.
+        border_share: The table's colour is learnt from this share of the region, nearest its rim.
+        min_contrast: Least distance of the cloth from the table, in spreads of the table.
+        max_contrast: Largest seed threshold, in spreads of the table.
+        max_height: What stands higher above the table is no cloth (a hand, a box).
+        max_height_step: A jump of height larger than this separates things, not folds.
+        min_area: Smallest cloth, square metres.
+        max_area: Largest cloth, square metres.
+        max_hole_area: Smaller holes in the cloth are filled, square metres.
+        min_quality: A mask of lower quality counts as no cloth.
+        region_margin: The region of interest exceeds the field of view by this share.
+        random_seed: Seed of GraphCut's colour clustering.
+    """
+
+    working_pixels: int = 320 * 240
+    iterations: int = 2
+    refined_band: int = 3
+    chroma_gain: float = 2.5
+    chroma_floor: float = 2.0
+    lightness_floor: float = 16.0
+    height_floor: float = 0.004
+    border_share: float = 0.6
+    min_contrast: float = 3.5
+    max_contrast: float = 5.0
+    max_height: float = 0.09
+    max_height_step: float = 0.025
+    min_area: float = 0.004
+    max_area: float = 1.5
+    max_hole_area: float = 0.002
+    min_quality: float = 0.2
+    region_margin: float = 0.2
+    random_seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Check the ranges.
+
+        Raises:
+            InvalidInputError: If a value is out of its range.
+        """
+        _require(self.working_pixels >= 1024, self, "working_pixels", "at least 1024")
+        _require(self.iterations >= 1, self, "iterations", "at least 1")
+        _require(self.refined_band >= 0, self, "refined_band", "0 or more")
+        others = {"working_pixels", "iterations", "refined_band", "region_margin"}
+        others |= {"random_seed", "min_quality"}
+        _require_positive(self, *(f.name for f in fields(self) if f.name not in others))
+        _require_share(self, "border_share", "min_quality")
+        _require(self.region_margin >= 0, self, "region_margin", "0 or more")
+        _require(
+            self.max_contrast >= self.min_contrast, self, "max_contrast", "min_contrast or up"
+        )
+        _require(self.max_area > self.min_area, self, "max_area", "above min_area")
+
+
+@dataclass(frozen=True)
+class PlaneConfig:
+    """How the table's plane is found in the depth image.
+
+    Attributes:
+        distance_threshold: Points so near to a plane support it, metres.
+        iterations: Planes that RANSAC tries.
+        max_points: Pixels that take part; more are thinned out evenly.
+        min_inlier_share: Least share of the table's pixels on the plane.
+        max_tilt: Largest angle between the measured plane and the known extrinsics, radians;
+            beyond it the extrinsics are kept and the quality falls.
+        max_offset: Largest difference of height between both, metres.
+        random_seed: Seed of RANSAC.
+    """
+
+    distance_threshold: float = 0.008
+    iterations: int = 100
+    max_points: int = 6000
+    min_inlier_share: float = 0.5
+    max_tilt: float = 0.08
+    max_offset: float = 0.03
+    random_seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Check the ranges.
+
+        Raises:
+            InvalidInputError: If a value is out of its range.
+        """
+        _require_positive(self, "distance_threshold", "max_tilt", "max_offset")
+        _require(self.iterations >= 1, self, "iterations", "at least 1")
+        _require(self.max_points >= 100, self, "max_points", "at least 100")
+        _require_share(self, "min_inlier_share")
+
+
+@dataclass(frozen=True)
+class VoxelConfig:
+    """How the masked depth becomes points and voxels.
+
+    Attributes:
+        cells_per_voxel: Each voxel column is divided into this many cells a side, and the points
+            of a cell are averaged before rasterisation. The paper's rule, "one vertex suffices",
+            is meant for a mesh without noise; on single pixels it takes the highest error.
+        outlier_neighbours: Neighbours a point is compared with (Open3D, statistical removal).
+        outlier_std_ratio: Points farther from their neighbours than so many standard deviations
+            are dropped.
+        min_points_in_cell: Cells with fewer points are left out.
+        min_coverage: Columns that the cloth's pixels cover by a smaller share are empty: the
+            outline errs by about a pixel.
+    """
+
+    cells_per_voxel: int = 2
+    outlier_neighbours: int = 12
+    outlier_std_ratio: float = 3.0
+    min_points_in_cell: int = 2
+    min_coverage: float = 0.1
+
+    def __post_init__(self) -> None:
+        """Check the ranges.
+
+        Raises:
+            InvalidInputError: If a value is out of its range.
+        """
+        for name in ("cells_per_voxel", "outlier_neighbours", "min_points_in_cell"):
+            _require(getattr(self, name) >= 1, self, name, "at least 1")
+        _require_positive(self, "outlier_std_ratio")
+        _require_share(self, "min_coverage")
+
+
+@dataclass(frozen=True)
+class FusionConfig:
+    """How several frames of a scene at rest become one.
+
+    Attributes:
+        frames: Frames that are averaged.
+        trimmed_share: Share of a pixel's values that is dropped at each end before averaging.
+        min_valid_share: A pixel needs a depth in at least this share of the frames.
+        motion_depth: Change of smoothed depth that counts as motion, metres.
+        motion_colour: Change of smoothed grey value that counts as motion, 0..255.
+        max_motion_share: More moving pixels than this share of the region spoil the average.
+    """
+
+    frames: int = 10
+    trimmed_share: float = 0.2
+    min_valid_share: float = 0.3
+    motion_depth: float = 0.012
+    motion_colour: float = 16.0
+    max_motion_share: float = 0.01
+
+    def __post_init__(self) -> None:
+        """Check the ranges.
+
+        Raises:
+            InvalidInputError: If a value is out of its range.
+        """
+        _require(self.frames >= 1, self, "frames", "at least 1")
+        _require(0.0 <= self.trimmed_share < 0.5, self, "trimmed_share", "in 0..0.5, below 0.5")
+        _require_share(self, "min_valid_share", "max_motion_share")
+        _require_positive(self, "motion_depth", "motion_colour")
+
+
+@dataclass(frozen=True)
+class PerceptionConfig:
+    """All settings of perception.
+
+    Attributes:
+        segmentation: GraphCut and what counts as cloth.
+        plane: The table's plane.
+        voxel: From masked depth to voxels.
+        fusion: Averaging of frames.
+    """
+
+    segmentation: SegmentationConfig = field(default_factory=SegmentationConfig)
+    plane: PlaneConfig = field(default_factory=PlaneConfig)
+    voxel: VoxelConfig = field(default_factory=VoxelConfig)
+    fusion: FusionConfig = field(default_factory=FusionConfig)
