@@ -1,0 +1,1 @@
+"""The executor node and the node of the simulated robot."""
