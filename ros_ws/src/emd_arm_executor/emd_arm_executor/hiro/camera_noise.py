@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FloatArray
@@ -15,6 +16,10 @@ from emd_core.pinhole_camera import PinholeCamera
 
 DepthImage = NDArray[np.float32]
 ColourImage = NDArray[np.uint8]
+
+# Normal deviates by looking random 16-bit numbers up among the quantiles: three times as fast as
+# exact ones, and exact to 1e-4 of a standard deviation, cut off at 4.3 of them.
+_QUANTILES = ndtri((np.arange(65536) + 0.5) / 65536).astype(np.float32)
 
 
 @dataclass(frozen=True)
@@ -108,7 +113,7 @@ class KinectNoise:
                 f"got {depth.shape}"
             )
         config = self.config
-        normals = self._rng.standard_normal((3, *depth.shape), dtype=np.float32)
+        normals = self._standard_normal((3, *depth.shape))
         uniforms = self._rng.random(depth.shape, dtype=np.float32)
         constants = np.array(
             [
@@ -131,10 +136,13 @@ class KinectNoise:
 
     def colour(self, colour: ColourImage) -> ColourImage:
         """Add noise to a colour image, shape (H, W, 3), uint8."""
-        noise = self._rng.standard_normal(colour.shape, dtype=np.float32)
-        noise *= self.config.colour_sigma
-        noise += colour
-        return np.clip(np.rint(noise, out=noise), 0, 255, out=noise).astype(np.uint8)
+        levels = np.rint(_QUANTILES * self.config.colour_sigma).astype(np.int16)
+        noisy = levels[self._rng.integers(0, 65536, colour.shape, dtype=np.uint16)]
+        noisy += colour
+        return np.clip(noisy, 0, 255, out=noisy).astype(np.uint8)
+
+    def _standard_normal(self, shape: tuple[int, ...]) -> NDArray[np.float32]:
+        return _QUANTILES[self._rng.integers(0, 65536, shape, dtype=np.uint16)]
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -149,6 +157,8 @@ def _measure(
     """Measure every pixel: jitter, axial noise, quantisation of the disparity, drop-outs."""
     floor, growth, best, jitter, steps = constants[:5]
     grazing, softness, rate, nearest, farthest = constants[5:]
+    # Above this cosine the angle is too small to lose a pixel (less than one in 10^8).
+    certain = np.cos(max(grazing - 5.0 * softness, 0.0))
     height, width = depth.shape
     for row in range(height):
         for column in range(width):
@@ -156,8 +166,11 @@ def _measure(
             j = int(np.rint(column + jitter * normals[1, row, column]))
             i, j = min(max(i, 0), height - 1), min(max(j, 0), width - 1)
             z = float(depth[i, j])
-            angle = _incidence(depth, i, j, intrinsics)
-            lost = rate + 1.0 / (1.0 + np.exp((grazing - angle) / (0.25 * softness)))
+            lost = rate
+            cosine = _cosine_of_incidence(depth, i, j, intrinsics)
+            if cosine < certain:
+                off = (grazing - np.arccos(cosine)) / (0.25 * softness)
+                lost += 1.0 / (1.0 + np.exp(off))
             measured[row, column] = np.nan
             # A comparison with NaN is false, so that missing depth stays missing.
             if z > 0.0 and uniforms[row, column] >= lost:
@@ -169,8 +182,10 @@ def _measure(
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _incidence(depth: DepthImage, row: int, column: int, intrinsics: FloatArray) -> float:
-    """Angle between the ray of a pixel and the normal of what it sees, radians."""
+def _cosine_of_incidence(
+    depth: DepthImage, row: int, column: int, intrinsics: FloatArray
+) -> float:
+    """Cosine of the angle between a pixel's ray and the normal of what it sees; 0 at gaps."""
     height, width = depth.shape
     fx, fy, cx, cy = intrinsics
     up, down = max(row - 1, 0), min(row + 1, height - 1)
@@ -184,5 +199,5 @@ def _incidence(depth: DepthImage, row: int, column: int, intrinsics: FloatArray)
     nz = z / (fx * fy) + x * zu / fy + y * zv / fx
     along = abs(nx * x + ny * y + nz)
     length = np.sqrt((nx * nx + ny * ny + nz * nz) * (x * x + y * y + 1.0))
-    angle = np.arccos(min(along / length, 1.0))
-    return angle if np.isfinite(angle) else 0.5 * np.pi
+    cosine = along / length
+    return min(cosine, 1.0) if np.isfinite(cosine) else 0.0

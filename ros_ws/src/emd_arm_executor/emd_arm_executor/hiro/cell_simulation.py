@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from emd_arm_executor.hiro.description import HANDS, JOINT_GROUPS, JOINT_NAMES, OBSERVE, Posture
-from emd_arm_executor.hiro.joint_trajectory import JointTrajectory, TrajectoryFollower
+from emd_arm_executor.hiro.trajectory_following import CommandedTrajectory, TrajectoryFollower
 from emd_arm_executor.hiro.world import HiroWorld
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FloatArray
@@ -76,7 +76,7 @@ class CellSimulation:
         """How many vertices of the cloth the left and the right hand hold."""
         return self._held[0], self._held[1]
 
-    def follow(self, group: str, trajectory: JointTrajectory) -> None:
+    def follow(self, group: str, trajectory: CommandedTrajectory) -> None:
         """Let one joint group follow a trajectory from now on.
 
         Args:

@@ -10,18 +10,18 @@ import math
 import os
 import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from emd_arm_executor.hiro.figures.inertias import FINGER_INERTIA, INERTIAS, mirror_inertia
 from emd_arm_executor.hiro.figures.joints import TORSO_AND_HEAD, arm_joints, hand_joints
+from emd_arm_executor.hiro.figures.looks import COLOURS, LOOKS
 from emd_arm_executor.hiro.figures.records import Inertia, JointFigures, Shape, Vector
 from emd_arm_executor.hiro.figures.shapes import (
     CAMERA_PITCH_DEGREES,
     CAMERA_POSITION,
-    COLOURS,
     KINECT_BODY,
-    SHAPES,
+    SOLIDS,
     finger_shapes,
     mirror_shape,
     nail_shape,
@@ -50,10 +50,10 @@ def build_urdf() -> str:
     for name, rgb in COLOURS.items():
         material = ET.SubElement(robot, "material", name=name)
         ET.SubElement(material, "color", rgba=_numbers((*rgb, 1.0)))
-    _add_link(robot, "WAIST", INERTIAS["WAIST"], SHAPES["WAIST"])
+    _add_link(robot, "WAIST", INERTIAS["WAIST"], SOLIDS["WAIST"])
     for joint in TORSO_AND_HEAD:
         link = f"{joint.name}_Link"
-        _add_joint_and_link(robot, joint, INERTIAS[link], SHAPES[link])
+        _add_joint_and_link(robot, joint, INERTIAS[link], SOLIDS[link])
     for side in ("L", "R"):
         _add_arm(robot, side)
         _add_hand(robot, side)
@@ -79,7 +79,7 @@ def write_urdf(path: Path = URDF_PATH) -> None:
 def _add_arm(robot: ET.Element, side: str) -> None:
     for joint in arm_joints(side):
         left_link = f"L{joint.name[1:]}_Link"
-        inertia, shapes = INERTIAS[left_link], SHAPES[left_link]
+        inertia, shapes = INERTIAS[left_link], SOLIDS[left_link]
         if side == "R":
             inertia = mirror_inertia(inertia)
             shapes = tuple(mirror_shape(shape) for shape in shapes)
@@ -109,10 +109,10 @@ def _add_camera(robot: ET.Element) -> None:
 
 
 def _add_joint_and_link(
-    robot: ET.Element, joint: JointFigures, inertia: Inertia, shapes: Iterable[Shape]
+    robot: ET.Element, joint: JointFigures, inertia: Inertia, solids: Sequence[Shape]
 ) -> None:
     link = f"{joint.name}_Link"
-    _add_link(robot, link, inertia, shapes)
+    _add_link(robot, link, inertia, solids)
     element = ET.SubElement(robot, "joint", name=joint.name, type="revolute")
     _add_origin(element, joint.origin, (joint.roll, 0, 0))
     ET.SubElement(element, "parent", link=joint.parent)
@@ -142,7 +142,7 @@ def _add_fixed_joint(
     ET.SubElement(element, "child", link=child)
 
 
-def _add_link(robot: ET.Element, name: str, inertia: Inertia, shapes: Iterable[Shape]) -> None:
+def _add_link(robot: ET.Element, name: str, inertia: Inertia, solids: Sequence[Shape]) -> None:
     link = ET.SubElement(robot, "link", name=name)
     inertial = ET.SubElement(link, "inertial")
     _add_origin(inertial, inertia.centre, (0, 0, 0))
@@ -150,13 +150,18 @@ def _add_link(robot: ET.Element, name: str, inertia: Inertia, shapes: Iterable[S
     keys = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
     values = {key: _number(value) for key, value in zip(keys, inertia.tensor, strict=True)}
     ET.SubElement(inertial, "inertia", values)
-    for shape in shapes:
-        if shape.drawn:
-            visual = ET.SubElement(link, "visual")
-            _add_geometry(visual, shape)
-            ET.SubElement(visual, "material", name=shape.colour)
-        if shape.collides:
-            _add_geometry(ET.SubElement(link, "collision"), shape)
+    for shape in _looks_of(name) or solids:
+        visual = ET.SubElement(link, "visual")
+        _add_geometry(visual, shape)
+        ET.SubElement(visual, "material", name=shape.colour)
+    for shape in solids:
+        _add_geometry(ET.SubElement(link, "collision"), shape)
+
+
+def _looks_of(link: str) -> Sequence[Shape]:
+    if link.startswith("RARM"):
+        return tuple(mirror_shape(shape) for shape in LOOKS.get(f"L{link[1:]}", ()))
+    return LOOKS.get(link, ())
 
 
 def _add_geometry(parent: ET.Element, shape: Shape) -> None:

@@ -58,16 +58,12 @@ class Shape:
             "sphere" (`size` = radius).
         size: Lengths, metres.
         centre: Centre in the link's frame, metres.
-        colour: Name of a colour of `COLOURS`.
+        colour: Name of a colour of `looks.COLOURS`.
         rpy: Roll, pitch, yaw of the shape in the link's frame, degrees.
-        collides: Whether the shape is solid too; else it is only drawn.
-        drawn: Whether the shape is drawn.
     """
 
     kind: str
     size: tuple[float, ...]
     centre: Vector
-    colour: str = "white"
+    colour: str = "grey"
     rpy: Vector = (0.0, 0.0, 0.0)
-    collides: bool = True
-    drawn: bool = True

@@ -1,4 +1,4 @@
-"""Primitives for HIRO's links, its nail-like fingertips and its camera; metres, degrees.
+"""Solid primitives for HIRO's links, its nail-like fingertips and its camera; metres, degrees.
 
 Only the left side is listed; the right side mirrors it in y.
 """
@@ -11,29 +11,20 @@ from dataclasses import replace
 from emd_arm_executor.hiro.figures.joints import FINGERS, mirror_vector
 from emd_arm_executor.hiro.figures.records import Shape
 
-COLOURS: dict[str, tuple[float, float, float]] = {
-    "white": (0.90, 0.90, 0.88),
-    "grey": (0.55, 0.57, 0.60),
-    "dark": (0.20, 0.21, 0.23),
-    "black": (0.06, 0.06, 0.07),
-    "blue": (0.16, 0.30, 0.55),
-    "steel": (0.72, 0.74, 0.76),
-}
-
-SHAPES: dict[str, tuple[Shape, ...]] = {
-    "WAIST": (Shape("cylinder", (0.063, 0.230), (0, 0, 0.115), "grey"),),
+SOLIDS: dict[str, tuple[Shape, ...]] = {
+    "WAIST": (Shape("cylinder", (0.063, 0.230), (0, 0, 0.115)),),
     "CHEST_JOINT0_Link": (
-        Shape("box", (0.27, 0.34, 0.32), (-0.05, 0, 0.39), "white"),
-        Shape("box", (0.27, 0.445, 0.08), (-0.05, 0, 0.515), "white"),
+        Shape("box", (0.27, 0.34, 0.32), (-0.05, 0, 0.39)),
+        Shape("box", (0.27, 0.445, 0.08), (-0.05, 0, 0.515)),
     ),
-    "HEAD_JOINT0_Link": (Shape("box", (0.083, 0.072, 0.051), (-0.012, 0.007, -0.002), "dark"),),
-    "HEAD_JOINT1_Link": (Shape("box", (0.24, 0.22, 0.095), (-0.02, 0, 0.081), "white"),),
-    "LARM_JOINT0_Link": (Shape("cylinder", (0.045, 0.156), (0, 0.007, 0.017), "dark"),),
-    "LARM_JOINT1_Link": (Shape("cylinder", (0.06, 0.32), (-0.022, 0.115, -0.124), "white"),),
-    "LARM_JOINT2_Link": (Shape("box", (0.10, 0.125, 0.19), (-0.017, 0.021, -0.059), "grey"),),
-    "LARM_JOINT3_Link": (Shape("cylinder", (0.045, 0.118), (0, 0.013, -0.199), "white"),),
-    "LARM_JOINT4_Link": (Shape("box", (0.075, 0.098, 0.141), (-0.004, 0.022, -0.046), "grey"),),
-    "LARM_JOINT5_Link": (Shape("box", (0.068, 0.086, 0.075), (-0.005, 0, -0.015), "dark"),),
+    "HEAD_JOINT0_Link": (Shape("box", (0.083, 0.072, 0.051), (-0.012, 0.007, -0.002)),),
+    "HEAD_JOINT1_Link": (Shape("box", (0.24, 0.22, 0.095), (-0.02, 0, 0.081)),),
+    "LARM_JOINT0_Link": (Shape("cylinder", (0.045, 0.156), (0, 0.007, 0.017)),),
+    "LARM_JOINT1_Link": (Shape("cylinder", (0.06, 0.32), (-0.022, 0.115, -0.124)),),
+    "LARM_JOINT2_Link": (Shape("box", (0.10, 0.125, 0.19), (-0.017, 0.021, -0.059)),),
+    "LARM_JOINT3_Link": (Shape("cylinder", (0.045, 0.118), (0, 0.013, -0.199)),),
+    "LARM_JOINT4_Link": (Shape("box", (0.075, 0.098, 0.141), (-0.004, 0.022, -0.046)),),
+    "LARM_JOINT5_Link": (Shape("box", (0.068, 0.086, 0.075), (-0.005, 0, -0.015)),),
 }
 
 # The pads' inner faces lie 17 mm inside the finger's joint, so that the jaws are 32 mm apart at
@@ -83,7 +74,8 @@ def tool_offset() -> float:
 # middle of the table.
 CAMERA_POSITION = (0.050, 0.0, 0.2237)
 CAMERA_PITCH_DEGREES = 30.75
-KINECT_BODY = Shape("box", (0.070, 0.276, 0.060), (-0.037, 0, 0), "black")
+# The optical centre lies in front of the body, which therefore never hides its view.
+KINECT_BODY = Shape("box", (0.063, 0.276, 0.060), (-0.0395, 0, 0))
 
 
 def mirror_shape(shape: Shape) -> Shape:

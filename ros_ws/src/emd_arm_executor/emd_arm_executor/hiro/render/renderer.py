@@ -35,6 +35,7 @@ class RenderConfig:
         shadows: Whether the lamp throws shadows; they cost about a third of a picture's time.
         shadow_size: Pixels a side of the lamp's picture.
         shadow_extent: Metres a side of the lamp's picture, about the table frame's origin.
+        solids: Whether to draw the robot's collision shapes instead of its looks.
         near: What is nearer to the camera than this is not drawn, metres.
     """
 
@@ -47,6 +48,7 @@ class RenderConfig:
     shadows: bool = True
     shadow_size: int = 512
     shadow_extent: float = 1.5
+    solids: bool = False
     near: float = 0.05
 
     def __post_init__(self) -> None:
@@ -100,7 +102,7 @@ class Renderer:
         self.geometry = geometry or CellGeometry()
         self.config = config or RenderConfig()
         self._scenery = scenery(self.geometry)
-        self._robot = RobotMesh.from_urdf(links)
+        self._robot = RobotMesh.from_urdf(links, self.config.solids)
         self._wood = wood_texture(self.geometry)
         depth, width, _ = self.geometry.table_size
         corner = self.geometry.table_centre_in_waist - np.array([depth / 2, width / 2, 0])
@@ -157,6 +159,37 @@ class Renderer:
         with np.errstate(divide="ignore"):
             depth = np.where(seen, 1.0 / keys, np.nan).astype(np.float32)
         return Picture(image, depth, np.append(mesh.segments, np.uint8(0))[indices])
+
+    def photograph(
+        self,
+        camera: PinholeCamera,
+        transform_camera_to_waist: FloatArray,
+        link_transforms_in_waist: FloatArray | None = None,
+        cloth: SimulatedCloth | None = None,
+        samples: int = 2,
+    ) -> NDArray[np.uint8]:
+        """Draw a colour picture with smooth edges, shape (H, W, 3); for films and figures.
+
+        Args:
+            camera: Intrinsics.
+            transform_camera_to_waist: Pose of the optical frame, 4 x 4.
+            link_transforms_in_waist: Shape (L, 4, 4); without them the robot is left out.
+            cloth: What lies on the table; none if None.
+            samples: Rays a side of each pixel, >= 1; the cost grows with their square.
+        """
+        if samples < 1:
+            raise InvalidInputError(f"at least one sample a pixel is wanted, got {samples}")
+        finer = PinholeCamera(
+            camera.width * samples,
+            camera.height * samples,
+            camera.fx * samples,
+            camera.fy * samples,
+            (camera.cx + 0.5) * samples - 0.5,
+            (camera.cy + 0.5) * samples - 0.5,
+        )
+        picture = self.render(finer, transform_camera_to_waist, link_transforms_in_waist, cloth)
+        blocks = picture.colour.reshape(camera.height, samples, camera.width, samples, 3)
+        return np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
 
     def _scene(
         self, link_transforms_in_waist: FloatArray | None, cloth: SimulatedCloth | None

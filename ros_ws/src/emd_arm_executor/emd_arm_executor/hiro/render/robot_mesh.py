@@ -24,6 +24,8 @@ from emd_arm_executor.hiro.render.mesh import (
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FloatArray
 
+_SOLID_COLOUR: Colour = (0.75, 0.62, 0.50)
+
 
 @dataclass(frozen=True)
 class RobotMesh:
@@ -38,29 +40,28 @@ class RobotMesh:
     links: NDArray[np.int64]
 
     @classmethod
-    def from_urdf(cls, links: Sequence[str], path: Path = URDF_PATH) -> RobotMesh:
-        """Read the visual primitives.
+    def from_urdf(
+        cls, links: Sequence[str], solids: bool = False, path: Path = URDF_PATH
+    ) -> RobotMesh:
+        """Read the primitives of the links.
 
         Args:
             links: Link names in the order in which `posed` will get their transforms.
+            solids: Read the shapes that collide, all in one colour, instead of those to look at.
             path: The URDF.
 
         Raises:
-            InvalidInputError: If a link with a visual is not named.
+            InvalidInputError: If a link with a shape is not named.
         """
         robot = ET.parse(path).getroot()
-        colours = {
-            material.get("name", ""): _floats(color.get("rgba"))[:3]
-            for material in robot.findall("material")
-            for color in material.findall("color")
-        }
+        colours = _colours(robot)
         meshes, owners = [], []
         for link in robot.findall("link"):
             name = link.get("name", "")
-            for visual in link.findall("visual"):
+            for shape in link.findall("collision" if solids else "visual"):
                 if name not in links:
                     raise InvalidInputError(f"the transform of link {name} is needed to draw it")
-                mesh = _visual_mesh(visual, colours)
+                mesh = _shape_mesh(shape, colours)
                 meshes.append(mesh)
                 owners.append(np.full(len(mesh.vertices), list(links).index(name)))
         return cls(merge(meshes), np.concatenate(owners))
@@ -75,13 +76,12 @@ class RobotMesh:
         )
 
 
-def _visual_mesh(visual: ET.Element, colours: dict[str, list[float]]) -> Mesh:
-    material = visual.find("material")
-    shape = visual.find("geometry/*")
-    if material is None or shape is None:
-        raise InvalidInputError("a visual of the URDF needs a geometry and a material")
-    rgb = colours[material.get("name", "")]
-    colour: Colour = (rgb[0], rgb[1], rgb[2])
+def _shape_mesh(element: ET.Element, colours: dict[str, Colour]) -> Mesh:
+    material = element.find("material")
+    shape = element.find("geometry/*")
+    if shape is None:
+        raise InvalidInputError("a shape of the URDF needs a geometry")
+    colour = _SOLID_COLOUR if material is None else colours[material.get("name", "")]
     if shape.tag == "box":
         mesh = box(_floats(shape.get("size")), colour, Segment.ROBOT)
     elif shape.tag == "cylinder":
@@ -91,12 +91,21 @@ def _visual_mesh(visual: ET.Element, colours: dict[str, list[float]]) -> Mesh:
         mesh = sphere(_floats(shape.get("radius"))[0], colour, Segment.ROBOT)
     else:
         raise InvalidInputError(f"a box, cylinder or sphere is wanted, got {shape.tag}")
-    return mesh.moved(_origin(visual))
+    return mesh.moved(_origin(element))
 
 
-def _origin(visual: ET.Element) -> FloatArray:
+def _colours(robot: ET.Element) -> dict[str, Colour]:
+    colours: dict[str, Colour] = {}
+    for material in robot.findall("material"):
+        for color in material.findall("color"):
+            red, green, blue, _ = _floats(color.get("rgba"))
+            colours[material.get("name", "")] = (red, green, blue)
+    return colours
+
+
+def _origin(element: ET.Element) -> FloatArray:
     transform = np.eye(4)
-    origin = visual.find("origin")
+    origin = element.find("origin")
     if origin is not None:
         transform[:3, 3] = _floats(origin.get("xyz", "0 0 0"))
         angles = _floats(origin.get("rpy", "0 0 0"))

@@ -72,8 +72,8 @@ def _pedestal(geometry: CellGeometry) -> Mesh:
     height = -geometry.floor_height - FLANGE_THICKNESS
     column = box((depth, width, height), _PEDESTAL_COLOUR, Segment.ROBOT)
     # The flange carries the waist, which stands over the table's edge.
-    reach = 0.07
-    flange_size = (depth + 0.01 + reach, 0.16, FLANGE_THICKNESS)
+    reach = 0.064
+    flange_size = (depth + 0.01 + reach, 0.13, FLANGE_THICKNESS)
     flange = box(flange_size, _PEDESTAL_COLOUR, Segment.ROBOT)
     flange_x = geometry.table_near_edge + reach - flange_size[0] / 2
     return merge(

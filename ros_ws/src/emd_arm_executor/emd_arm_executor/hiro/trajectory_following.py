@@ -13,7 +13,7 @@ from emd_core.frames import FloatArray
 
 
 @dataclass(frozen=True)
-class JointTrajectory:
+class CommandedTrajectory:
     """Points that joints pass at given times.
 
     Between two points the path is a straight line if only positions are given, a cubic spline with
@@ -56,7 +56,7 @@ class JointTrajectory:
         """Time of the last point, seconds."""
         return float(self.times[-1])
 
-    def reordered(self, joint_names: Sequence[str]) -> JointTrajectory:
+    def reordered(self, joint_names: Sequence[str]) -> CommandedTrajectory:
         """Give the same trajectory with its joints in another order.
 
         Raises:
@@ -67,7 +67,7 @@ class JointTrajectory:
                 f"a trajectory of {sorted(joint_names)} is wanted, got {sorted(self.joint_names)}"
             )
         order = [self.joint_names.index(name) for name in joint_names]
-        return JointTrajectory(
+        return CommandedTrajectory(
             tuple(joint_names),
             self.times,
             self.positions[:, order],
@@ -102,7 +102,7 @@ class TrajectoryFollower:
         """Hold positions, shape (J,), radians."""
         self.joint_names = tuple(joint_names)
         self._start_time = 0.0
-        self._trajectory: JointTrajectory | None = None
+        self._trajectory: CommandedTrajectory | None = None
         self._hold = np.array(positions, dtype=np.float64)
 
     def hold(self, positions: FloatArray) -> None:
@@ -110,7 +110,7 @@ class TrajectoryFollower:
         self._trajectory = None
         self._hold = np.array(positions, dtype=np.float64)
 
-    def start(self, trajectory: JointTrajectory, time: float) -> None:
+    def start(self, trajectory: CommandedTrajectory, time: float) -> None:
         """Follow a trajectory from `time` (seconds) on.
 
         If its first point lies later than its start, the joints go there from where they are.
@@ -135,10 +135,10 @@ class TrajectoryFollower:
             return self._hold.copy(), np.zeros_like(self._hold)
         return interpolate(self._trajectory, time - self._start_time)
 
-    def _prepend_state(self, trajectory: JointTrajectory, time: float) -> JointTrajectory:
+    def _prepend_state(self, trajectory: CommandedTrajectory, time: float) -> CommandedTrajectory:
         position, velocity = self.sample(time)
         velocities, accelerations = trajectory.velocities, trajectory.accelerations
-        return JointTrajectory(
+        return CommandedTrajectory(
             trajectory.joint_names,
             np.concatenate([[0.0], trajectory.times]),
             np.vstack([position, trajectory.positions]),
@@ -147,7 +147,7 @@ class TrajectoryFollower:
         )
 
 
-def interpolate(trajectory: JointTrajectory, time: float) -> tuple[FloatArray, FloatArray]:
+def interpolate(trajectory: CommandedTrajectory, time: float) -> tuple[FloatArray, FloatArray]:
     """Positions and velocities of a trajectory at a time after its start, each of shape (J,).
 
     Before the first point it gives that point, after the last one that one at rest.
@@ -166,7 +166,7 @@ def interpolate(trajectory: JointTrajectory, time: float) -> tuple[FloatArray, F
     return position, velocity
 
 
-def _segment_polynomial(trajectory: JointTrajectory, segment: int, span: float) -> FloatArray:
+def _segment_polynomial(trajectory: CommandedTrajectory, segment: int, span: float) -> FloatArray:
     """Coefficients of 1, s, s^2, ... with s = 0..1 over the segment, shape (degree + 1, J)."""
     p0, p1 = trajectory.positions[segment : segment + 2]
     if trajectory.velocities is None:
