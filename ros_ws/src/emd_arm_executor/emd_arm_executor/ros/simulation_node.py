@@ -25,8 +25,8 @@ from emd_arm_executor.hiro.camera import CameraFrame, HeadCamera
 from emd_arm_executor.hiro.camera_noise import KinectNoise
 from emd_arm_executor.hiro.cell_simulation import CellSimulation
 from emd_arm_executor.hiro.description import JOINT_GROUPS, JOINT_NAMES, URDF_PATH
-from emd_arm_executor.hiro.joint_trajectory import JointTrajectory
 from emd_arm_executor.hiro.overview import OverviewCamera
+from emd_arm_executor.hiro.trajectory_following import CommandedTrajectory
 from emd_arm_executor.hiro.world import HiroWorld
 from emd_core.errors import CellError
 from emd_core.frames import FieldOfView
@@ -100,7 +100,7 @@ class SimulationNode(Node):
             reliability=ReliabilityPolicy.RELIABLE,
             durability=DurabilityPolicy.TRANSIENT_LOCAL,
         )
-        self._clock = self.create_publisher(Clock, "/clock", 10)
+        self._clock_publisher = self.create_publisher(Clock, "/clock", 10)
         self._joints = self.create_publisher(JointState, "joint_states", 10)
         self._colour = self.create_publisher(Image, "camera/color/image_raw", 5)
         self._depth_mm = self.create_publisher(Image, "camera/depth_registered/image_raw", 5)
@@ -145,7 +145,7 @@ class SimulationNode(Node):
             self._started = time.monotonic() - self._simulation.time / factor  # never catch up
         self._simulation.step(self._config.step)
         stamp = conversions.time_to_message(self._simulation.time)
-        self._clock.publish(Clock(clock=stamp))
+        self._clock_publisher.publish(Clock(clock=stamp))
         self._publish_joints()
         if self._is_due("camera", self._config.camera_rate):
             self._publish_camera()
@@ -219,7 +219,7 @@ class SimulationNode(Node):
         super().destroy_node()
 
 
-def _trajectory_from_message(message: JointTrajectoryMsg) -> JointTrajectory:
+def _trajectory_from_message(message: JointTrajectoryMsg) -> CommandedTrajectory:
     points = message.points
     times = np.array([conversions.time_from_message(point.time_from_start) for point in points])
     columns = {
@@ -231,4 +231,4 @@ def _trajectory_from_message(message: JointTrajectoryMsg) -> JointTrajectory:
         for name, values in columns.items()
         if name != "positions"
     }
-    return JointTrajectory(tuple(message.joint_names), times, columns["positions"], **optional)
+    return CommandedTrajectory(tuple(message.joint_names), times, columns["positions"], **optional)

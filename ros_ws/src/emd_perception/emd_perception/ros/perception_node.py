@@ -6,6 +6,7 @@ import sys
 import threading
 import time
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -16,7 +17,7 @@ from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
-from emd_core.errors import CellError, DeadlineError, NoObservationError
+from emd_core.errors import CellError, NoObservationError
 from emd_core.frames import FieldOfView
 from emd_core.ros import conversions
 from emd_core.ros.markers import voxel_marker
@@ -29,6 +30,7 @@ from emd_msgs_py.srv import CaptureState
 from emd_perception.config import PerceptionConfig
 from emd_perception.depth_image import depth_in_metres
 from emd_perception.pipeline import Perception, perceive_frames
+from emd_perception.ros.frame_buffer import FrameBuffer
 from emd_perception.ros.frame_pairs import FramePair, FramePairs
 
 
@@ -61,10 +63,7 @@ class PerceptionNode(Node):
         self._pairs = FramePairs(self._config.sync_tolerance)
         self._camera: Any = None
         self._camera_pose: PoseStamped | None = None
-        self._frames = threading.Condition()
-        self._newest: FramePair | None = None
-        self._collected: list[FramePair] | None = None
-        self._dropped = 0
+        self._buffer = FrameBuffer()
         self._subscribe()
         self._grid_publisher = self.create_publisher(VoxelGridMsg, "perception/voxel_grid", 5)
         self._mask_publisher = self.create_publisher(Image, "perception/mask", 5)
@@ -86,9 +85,7 @@ class PerceptionNode(Node):
             ("colour", "camera/color/image_raw"),
             ("depth", "camera/depth_registered/image_raw"),
         ):
-            self.create_subscription(
-                Image, topic, lambda message, kind=kind: self._on_image(kind, message), sensor
-            )
+            self.create_subscription(Image, topic, partial(self._on_image, kind), sensor)
         self.create_subscription(CameraInfo, "camera/color/camera_info", self._on_info, sensor)
         self.create_subscription(PoseStamped, "camera/pose", self._on_pose, latched)
 
@@ -100,23 +97,14 @@ class PerceptionNode(Node):
 
     def _on_image(self, kind: str, message: Image) -> None:
         pair = self._pairs.add(kind, message)
-        if pair is None:
-            return
-        with self._frames:
-            self._dropped += self._newest is not None
-            self._newest = pair
-            if self._collected is not None:
-                self._collected.append(pair)
-            self._frames.notify_all()
+        if pair is not None:
+            self._buffer.add(pair)
 
     def _stream(self) -> None:
         """Process the newest pair, again and again; what cannot be served in time is dropped."""
         while self.context.ok():
-            with self._frames:
-                self._frames.wait_for(lambda: self._newest is not None, timeout=0.5)
-                pair, self._newest = self._newest, None
-                capturing = self._collected is not None
-            if pair is None or capturing:
+            pair = self._buffer.take(timeout=0.5)
+            if pair is None or self._buffer.collecting:
                 continue
             started = time.monotonic()
             try:
@@ -140,9 +128,10 @@ class PerceptionNode(Node):
     def _capture(
         self, request: CaptureState.Request, response: CaptureState.Response
     ) -> CaptureState.Response:
-        pairs = self._collect(
+        pairs = self._buffer.collect(
             request.frames or self._config.capture_frames,
-            request.timeout or self._config.capture_timeout,
+            since=self.get_clock().now().nanoseconds * 1e-9,
+            timeout=request.timeout or self._config.capture_timeout,
         )
         perception = self._perceive(pairs)
         self._publish(perception, pairs[-1])
@@ -153,25 +142,6 @@ class PerceptionNode(Node):
         response.table_plane = [float(value) for value in perception.table_plane]
         response.quality, response.reason = perception.quality, perception.reason
         return response
-
-    def _collect(self, count: int, timeout: float) -> list[FramePair]:
-        """Wait for pairs taken after now; seconds of the wall clock."""
-        since = self.get_clock().now().nanoseconds * 1e-9
-        fresh: list[FramePair] = []
-        with self._frames:
-            self._collected = []
-            try:
-                deadline = time.monotonic() + timeout
-                while len(fresh) < count:
-                    if not self._frames.wait(timeout=max(0.0, deadline - time.monotonic())):
-                        raise DeadlineError(
-                            f"{count} frames of colour and depth were wanted within {timeout:.1f}"
-                            f" s, {len(fresh)} came; is the camera on, with stamps that agree?"
-                        )
-                    fresh = [pair for pair in self._collected if pair.stamp >= since]
-            finally:
-                self._collected = None
-        return fresh[:count]
 
     def _perceive(self, pairs: list[FramePair]) -> Perception:
         if self._camera is None:
@@ -215,7 +185,7 @@ class PerceptionNode(Node):
 
     def _report(self, pair: FramePair, level: bytes, text: str, values: dict[str, str]) -> None:
         """Say on /diagnostics what became of a pair; stamped like its colour image."""
-        values = {"frames_dropped": str(self._dropped), **values}
+        values = {"frames_dropped": str(self._buffer.dropped), **values}
         status = DiagnosticStatus(
             level=level,
             name="perception: cloth",
