@@ -15,7 +15,8 @@ SOLIDS: dict[str, tuple[Shape, ...]] = {
     "WAIST": (Shape("cylinder", (0.063, 0.230), (0, 0, 0.115)),),
     "CHEST_JOINT0_Link": (
         Shape("box", (0.27, 0.34, 0.32), (-0.05, 0, 0.39)),
-        Shape("box", (0.27, 0.445, 0.08), (-0.05, 0, 0.515)),
+        # Round shoulders: with the box around them, the forearms of `goOffPose` would touch.
+        Shape("cylinder", (0.045, 0.445), (-0.025, 0, 0.509), rpy=(90, 0, 0)),
     ),
     "HEAD_JOINT0_Link": (Shape("box", (0.083, 0.072, 0.051), (-0.012, 0.007, -0.002)),),
     "HEAD_JOINT1_Link": (Shape("box", (0.24, 0.22, 0.095), (-0.02, 0, 0.081)),),

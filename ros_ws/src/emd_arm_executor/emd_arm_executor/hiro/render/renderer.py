@@ -43,8 +43,8 @@ class RenderConfig:
     cloth_inside: Colour = (0.62, 0.76, 0.92)
     background: Colour = (0.80, 0.83, 0.86)
     light_direction: tuple[float, float, float] = (0.35, 0.55, 1.0)
-    ambient: float = 0.55
-    lamp: float = 0.55
+    ambient: float = 0.64
+    lamp: float = 0.46
     shadows: bool = True
     shadow_size: int = 512
     shadow_extent: float = 1.5
