@@ -89,7 +89,9 @@ class HiroWorld:
         self._robot: int = pybullet.loadURDF(
             str(URDF_PATH),
             useFixedBase=True,
-            flags=pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_USE_SELF_COLLISION,
+            flags=pybullet.URDF_USE_INERTIA_FROM_FILE
+            | pybullet.URDF_USE_SELF_COLLISION
+            | pybullet.URDF_USE_IMPLICIT_CYLINDER,
             physicsClientId=self._client,
         )
         self._index_links_and_joints()

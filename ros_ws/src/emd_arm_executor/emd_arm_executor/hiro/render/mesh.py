@@ -133,7 +133,7 @@ def box(
 
 
 def cylinder(
-    radius: float, length: float, colour: Colour, segment: Segment, sides: int = 28
+    radius: float, length: float, colour: Colour, segment: Segment, sides: int = 36
 ) -> Mesh:
     """A cylinder about z, its middle in the origin; metres."""
     angles = np.linspace(0, 2 * np.pi, sides, endpoint=False)
