@@ -139,6 +139,8 @@ class VoxelConfig:
         cells_per_voxel: Each voxel column is divided into this many cells a side, and the points
             of a cell are averaged before rasterisation. The paper's rule, "one vertex suffices",
             is meant for a mesh without noise; on single pixels it takes the highest error.
+        max_spike: Pixels farther than this from the median of their surroundings are dropped,
+            metres.
         outlier_neighbours: Neighbours a point is compared with (Open3D, statistical removal).
         outlier_std_ratio: Points farther from their neighbours than so many standard deviations
             are dropped.
@@ -148,10 +150,11 @@ class VoxelConfig:
     """
 
     cells_per_voxel: int = 2
+    max_spike: float = 0.02
     outlier_neighbours: int = 12
     outlier_std_ratio: float = 3.0
     min_points_in_cell: int = 2
-    min_coverage: float = 0.1
+    min_coverage: float = 0.06
 
     def __post_init__(self) -> None:
         """Check the ranges.
@@ -161,7 +164,7 @@ class VoxelConfig:
         """
         for name in ("cells_per_voxel", "outlier_neighbours", "min_points_in_cell"):
             _require(getattr(self, name) >= 1, self, name, "at least 1")
-        _require_positive(self, "outlier_std_ratio")
+        _require_positive(self, "max_spike", "outlier_std_ratio")
         _require_share(self, "min_coverage")
 
 

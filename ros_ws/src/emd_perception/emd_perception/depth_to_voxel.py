@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
@@ -65,7 +66,7 @@ def cloth_points(
         NoClothError: If no pixel of the mask has a depth.
     """
     settings = config or VoxelConfig()
-    known = mask & np.isfinite(depth)
+    known = mask & np.isfinite(depth) & ~_spikes(depth, settings.max_spike)
     if not known.any():
         raise NoClothError(
             "the cloth was seen in the colour image, but no pixel of it has a depth; is it nearer "
@@ -107,6 +108,12 @@ def voxelise_cloth(
     settings = config or VoxelConfig()
     cells = _average_in_cells(cloth.points_in_table, field_of_view, settings)
     return voxelise(_match_columns(cells, cloth, field_of_view, settings), field_of_view)
+
+
+def _spikes(depth: DepthImage, max_spike: float) -> Mask:
+    """Pixels far from the median of the 5 x 5 around them, unknown neighbours apart."""
+    middle = np.asarray(cv2.medianBlur(np.nan_to_num(depth, nan=0.0), 5))
+    return (middle > 0) & (np.abs(depth - middle) > max_spike)
 
 
 def _points_of_mask(

