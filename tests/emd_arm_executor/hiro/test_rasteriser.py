@@ -73,9 +73,11 @@ def test_sphere_has_analytic_depth_within_its_facets() -> None:
 
 def test_silhouette_of_a_box_is_exact() -> None:
     """A box facing the camera covers exactly the pixels whose rays meet its front."""
-    depth, indices = draw(moved(box((0.41, 0.21, 0.5), GREY, Segment.ROBOT), 0.05, 0.02, 1.25))
+    depth, indices = draw(moved(box((0.413, 0.2117, 0.5), GREY, Segment.ROBOT), 0.05, 0.02, 1.25))
     at_front = rays() * 1.0
-    inside = (np.abs(at_front[..., 0] - 0.05) < 0.205) & (np.abs(at_front[..., 1] - 0.02) < 0.105)
+    inside = (np.abs(at_front[..., 0] - 0.05) < 0.2065) & (
+        np.abs(at_front[..., 1] - 0.02) < 0.10585
+    )
     assert np.array_equal(np.isclose(depth, 1.0), inside)
     assert np.array_equal(indices >= 0, depth < np.inf)
 

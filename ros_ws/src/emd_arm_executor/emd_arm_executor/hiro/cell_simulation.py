@@ -76,17 +76,21 @@ class CellSimulation:
         """How many vertices of the cloth the left and the right hand hold."""
         return self._held[0], self._held[1]
 
-    def follow(self, group: str, trajectory: CommandedTrajectory) -> None:
-        """Let one joint group follow a trajectory from now on.
+    def follow(
+        self, group: str, trajectory: CommandedTrajectory, start_time: float | None = None
+    ) -> None:
+        """Let one joint group follow a trajectory.
 
         Args:
             group: Name of the joint group.
             trajectory: Of exactly the group's joints, in any order.
+            start_time: When it begins, simulated seconds; now if None. Until then the joints stay
+                at its first point.
 
         Raises:
             InvalidInputError: If the group is unknown or the trajectory is of other joints.
         """
-        self._follower(group).start(trajectory, self.time)
+        self._follower(group).start(trajectory, self.time if start_time is None else start_time)
 
     def hold(self, group: str) -> None:
         """Stop one joint group where its trajectory has got to."""
@@ -141,20 +145,19 @@ class CellSimulation:
         self.time += time_step
         self.world.set_all_joint_targets(self._stop_jaws_at_cloth(self.desired()[0]))
         self.world.step()
-        tools = [self.world.tool_transform_in_table(hand) for hand in (0, 1)]
-        for hand, tool in enumerate(tools):
-            self._update_grasp(hand, tool)
+        for hand in (0, 1):
+            self._update_grasp(hand)
         if any(self._held) or not self.cloth.settled:
-            for hand, tool in enumerate(tools):
+            for hand in (0, 1):
                 if self._held[hand]:
-                    self.cloth.move_hand(hand, tool)
+                    self.cloth.move_hand(hand, self.world.tool_transform_in_table(hand))
             self.cloth.advance(time_step)
 
-    def _update_grasp(self, hand: int, tool_to_table: FloatArray) -> None:
+    def _update_grasp(self, hand: int) -> None:
         width = self.world.gripper_width(hand)
         if not self._closed[hand] and width < self.config.grasp_width:
             self._closed[hand] = True
-            self._held[hand] = self.cloth.grasp(hand, tool_to_table)
+            self._held[hand] = self.cloth.grasp(hand, self.world.tool_transform_in_table(hand))
         elif self._closed[hand] and width > self.config.release_width:
             self._closed[hand] = False
             self._let_go(hand)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -46,7 +46,7 @@ def side_of(link: str) -> str:
     return ""
 
 
-def watched_pairs(links: list[str]) -> Iterator[tuple[str, str]]:
+def watched_pairs(links: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Give the pairs of robot links that must not touch."""
     for link_a, link_b in combinations(links, 2):
         side_a, side_b = side_of(link_a), side_of(link_b)

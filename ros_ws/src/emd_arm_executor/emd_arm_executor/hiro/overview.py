@@ -48,13 +48,12 @@ class OverviewCamera:
 
     def capture(self, cloth: SimulatedCloth | None = None) -> NDArray[np.uint8]:
         """Take a picture, RGB, shape (H, W, 3)."""
-        picture = self._renderer.render(
+        return self._renderer.photograph(
             self.placement.camera,
             self._transform_camera_to_waist,
             self._world.link_transforms_in_waist(),
             cloth,
         )
-        return picture.colour
 
 
 def look_at(position: FloatArray, target: FloatArray) -> FloatArray:

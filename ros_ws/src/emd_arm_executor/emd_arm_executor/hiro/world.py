@@ -9,20 +9,19 @@ from types import TracebackType
 import numpy as np
 import pybullet
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
-from emd_arm_executor.hiro.contacts import FLOOR, TABLE, Contact, watched_pairs
+from emd_arm_executor.hiro.contacts import FLOOR, TABLE, Contact
 from emd_arm_executor.hiro.description import (
     HANDS,
-    JOINT_GROUPS,
     JOINT_LIMITS,
     JOINT_NAMES,
     OBSERVE,
-    URDF_PATH,
     CellGeometry,
     GripperGeometry,
     Posture,
+    joint_group,
 )
+from emd_arm_executor.hiro.pybullet_robot import PyBulletRobot
 from emd_core.errors import InvalidInputError, SimulationError
 from emd_core.frames import FloatArray
 
@@ -59,8 +58,8 @@ class HiroWorld:
     """Robot with a fixed base, table and floor; servos hold what they are told.
 
     A servo's set-point moves towards the target no faster than the joint's speed limit, and never
-    leaves the position limits. Arms collide with each other, the body, the table and the floor;
-    each instance has its own PyBullet client. Arrays over joints have the order of `JOINT_NAMES`.
+    leaves the position limits. Each instance has its own PyBullet client. Arrays over joints have
+    the order of `JOINT_NAMES`.
     """
 
     def __init__(
@@ -86,21 +85,11 @@ class HiroWorld:
             raise SimulationError("PyBullet gave no client; is a display there for its window?")
         pybullet.setGravity(0, 0, self.config.gravity, physicsClientId=self._client)
         pybullet.setTimeStep(self.config.time_step, physicsClientId=self._client)
-        self._robot: int = pybullet.loadURDF(
-            str(URDF_PATH),
-            useFixedBase=True,
-            flags=pybullet.URDF_USE_INERTIA_FROM_FILE
-            | pybullet.URDF_USE_SELF_COLLISION
-            | pybullet.URDF_USE_IMPLICIT_CYLINDER,
-            physicsClientId=self._client,
-        )
-        self._index_links_and_joints()
-        self._filter_collisions()
+        self._robot = PyBulletRobot(self._client)
         self._bodies = {self._add_table(): TABLE, self._add_floor(): FLOOR}
         self._lower = np.array([JOINT_LIMITS[name].lower for name in JOINT_NAMES])
         self._upper = np.array([JOINT_LIMITS[name].upper for name in JOINT_NAMES])
         self._speed = np.array([JOINT_LIMITS[name].speed for name in JOINT_NAMES])
-        self._effort = np.array([JOINT_LIMITS[name].effort for name in JOINT_NAMES])
         self._target = np.zeros(len(JOINT_NAMES))
         self._setpoint = np.zeros(len(JOINT_NAMES))
         self.reset(posture)
@@ -127,15 +116,14 @@ class HiroWorld:
     @property
     def links(self) -> tuple[str, ...]:
         """Names of all links, WAIST first."""
-        return tuple(self._link_index)
+        return self._robot.links
 
     def reset(self, posture: Posture = OBSERVE) -> None:
         """Put the robot at rest in a posture, without moving there."""
         angles = posture.by_joint()
         self._target[:] = [angles[name] for name in JOINT_NAMES]
         self._setpoint[:] = self._target
-        for index, angle in zip(self._joint_index, self._target, strict=True):
-            pybullet.resetJointState(self._robot, index, angle, physicsClientId=self._client)
+        self._robot.reset(self._target)
 
     def set_joint_targets(self, targets: Mapping[str, float]) -> None:
         """Tell joints where to go; joints not named keep their targets.
@@ -182,34 +170,25 @@ class HiroWorld:
         # The position gain already closes its share of the change within this step, so that only
         # the rest is fed forward; the full velocity would make the joints run ahead by a step.
         feed_forward = (1 - self.config.position_gain) * change / self.config.time_step
-        count = len(JOINT_NAMES)
-        pybullet.setJointMotorControlArray(
-            self._robot,
-            self._joint_index,
-            pybullet.POSITION_CONTROL,
-            targetPositions=self._setpoint,
-            targetVelocities=feed_forward,
-            forces=self._effort,
-            positionGains=[self.config.position_gain] * count,
-            velocityGains=[self.config.velocity_gain] * count,
-            physicsClientId=self._client,
+        self._robot.drive(
+            self._setpoint, feed_forward, self.config.position_gain, self.config.velocity_gain
         )
         pybullet.stepSimulation(physicsClientId=self._client)
 
     @property
     def joint_positions(self) -> FloatArray:
         """Measured positions, shape (23,), radians."""
-        return np.array([state[0] for state in self._joint_states()])
+        return self._robot.joint_states()[0]
 
     @property
     def joint_velocities(self) -> FloatArray:
         """Measured velocities, shape (23,), rad/s."""
-        return np.array([state[1] for state in self._joint_states()])
+        return self._robot.joint_states()[1]
 
     @property
     def joint_efforts(self) -> FloatArray:
         """Torques of the servos in the last step, shape (23,), Nm."""
-        return np.array([state[3] for state in self._joint_states()])
+        return self._robot.joint_states()[2]
 
     @property
     def joint_setpoints(self) -> FloatArray:
@@ -218,8 +197,8 @@ class HiroWorld:
 
     def group_positions(self, group: str) -> FloatArray:
         """Measured positions of one joint group, radians."""
-        positions = self.joint_positions
-        return positions[[JOINT_NAMES.index(name) for name in JOINT_GROUPS[group].joints]]
+        first = JOINT_NAMES.index(joint_group(group).joints[0])
+        return self.joint_positions[first : first + len(joint_group(group).joints)]
 
     def gripper_width(self, hand: int) -> float:
         """Measured distance between the pads of a hand (0 left, 1 right), metres."""
@@ -227,11 +206,7 @@ class HiroWorld:
 
     def transform_link_to_waist(self, link: str) -> FloatArray:
         """Map points of a link's frame into WAIST, 4 x 4."""
-        if link not in self._link_index:
-            raise InvalidInputError(
-                f"a link of {sorted(self._link_index)} is wanted, got {link!r}"
-            )
-        return self.link_transforms_in_waist()[self._link_index[link]]
+        return self._robot.link_transform(link)
 
     def tool_transform_in_table(self, hand: int) -> FloatArray:
         """Map points of a hand's tool frame (0 left, 1 right) into the table frame, 4 x 4."""
@@ -240,68 +215,17 @@ class HiroWorld:
 
     def link_transforms_in_waist(self) -> FloatArray:
         """Frames of all links in the order of `links`, shape (L, 4, 4)."""
-        states = pybullet.getLinkStates(
-            self._robot,
-            range(len(self._link_index) - 1),
-            computeForwardKinematics=True,
-            physicsClientId=self._client,
-        )
-        transforms = np.tile(np.eye(4), (len(self._link_index), 1, 1))
-        quaternions = np.array([state[5] for state in states])
-        transforms[1:, :3, :3] = Rotation.from_quat(quaternions).as_matrix()
-        transforms[1:, :3, 3] = [state[4] for state in states]
-        return transforms
+        return self._robot.link_transforms()
 
     def contacts(self) -> list[Contact]:
         """Find what touches: robot and table, robot and floor, arm and arm, arm and body."""
-        pybullet.performCollisionDetection(physicsClientId=self._client)
-        names = list(self._link_index)
-        found = []
-        for point in pybullet.getContactPoints(self._robot, physicsClientId=self._client):
-            depth = -point[8]
-            if depth < 0:
-                continue
-            (body_a, link_a), (body_b, link_b) = (point[1], point[3]), (point[2], point[4])
-            if body_a != self._robot:
-                body_b, link_a, link_b = body_a, link_b, link_a
-            other = self._bodies.get(body_b) or names[link_b + 1]
-            found.append(Contact(names[link_a + 1], other, depth, tuple(point[5])))
-        return found
+        return self._robot.contacts(self._bodies)
 
     def ray_distance(self, start_in_waist: ArrayLike, end_in_waist: ArrayLike) -> float:
         """Distance from start to the first thing that a ray hits, metres; infinite if nothing."""
         start, end = np.asarray(start_in_waist), np.asarray(end_in_waist)
         hit = pybullet.rayTest(start, end, physicsClientId=self._client)[0]
         return float("inf") if hit[0] < 0 else float(hit[2] * np.linalg.norm(end - start))
-
-    def _joint_states(self) -> list[tuple[float, float, tuple[float, ...], float]]:
-        states: list[tuple[float, float, tuple[float, ...], float]] = pybullet.getJointStates(
-            self._robot, self._joint_index, physicsClientId=self._client
-        )
-        return states
-
-    def _index_links_and_joints(self) -> None:
-        self._link_index = {"WAIST": 0}
-        joint_index = {}
-        for index in range(pybullet.getNumJoints(self._robot, physicsClientId=self._client)):
-            info = pybullet.getJointInfo(self._robot, index, physicsClientId=self._client)
-            joint_index[info[1].decode()] = index
-            self._link_index[info[12].decode()] = index + 1
-        self._joint_index = [joint_index[name] for name in JOINT_NAMES]
-
-    def _filter_collisions(self) -> None:
-        watched = set(watched_pairs(list(self._link_index)))
-        for link_a, index_a in self._link_index.items():
-            for link_b, index_b in self._link_index.items():
-                if index_a < index_b:
-                    pybullet.setCollisionFilterPair(
-                        self._robot,
-                        self._robot,
-                        index_a - 1,
-                        index_b - 1,
-                        (link_a, link_b) in watched,
-                        physicsClientId=self._client,
-                    )
 
     def _add_table(self) -> int:
         half = np.array(self.geometry.table_size) / 2
