@@ -1,0 +1,204 @@
+"""Whether a posture or a motion touches the table, the robot's body or the other arm.
+
+Pinocchio and coal test the collision primitives of the URDF and a box for the table top.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from emd_arm_executor.config import CollisionConfig
+from emd_arm_executor.robot_description import RobotDescription
+from emd_core.errors import CollisionError
+from emd_core.frames import FloatArray
+
+TABLE = "table"
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Two links, or a link and the table, that come closer than their margin.
+
+    Attributes:
+        first: Name of a link.
+        second: Name of the other link, or "table".
+    """
+
+    first: str
+    second: str
+
+    def __str__(self) -> str:
+        """Give both names."""
+        return f"{self.first} and {self.second}"
+
+
+class CollisionChecker:
+    """Checks configurations of the whole robot."""
+
+    def __init__(
+        self,
+        model: pin.Model,
+        description: RobotDescription,
+        rest: FloatArray,
+        config: CollisionConfig | None = None,
+    ) -> None:
+        """Build the geometry and decide which pairs can ever touch.
+
+        Left out are pairs that no joint moves against each other, neighbours and their next
+        neighbours along the chain, whose primitives overlap though the real links cannot touch
+        (HIRO's published collision matrix leaves the same pairs out), the fingers of one hand,
+        pairs that touch at rest or are described as never touching, and pairs of one arm that
+        touch in none of many random postures. All other pairs of arm and arm, arm and body, arm
+        and table stay.
+
+        Args:
+            model: The whole robot.
+            description: The same robot with its table.
+            rest: Configuration of the joints that belong to no arm, shape (nq,).
+            config: Margins and samples.
+        """
+        self.config = config or CollisionConfig()
+        self._model = model
+        self._data = model.createData()
+        self._geometry = pin.buildGeomFromUrdf(model, str(description.urdf), pin.COLLISION)
+        self._links = [self._link_of(g) for g in self._geometry.geometryObjects]
+        self._add_table(description)
+        self._branches = self._find_branches(description)
+        for first, second in self._moving_pairs():
+            self._geometry.addCollisionPair(pin.CollisionPair(first, second))
+        self._contacts = pin.GeometryData(self._geometry)
+        self._drop_pairs(rest, description.never_touching)
+        self._set_margins(description)
+
+    @property
+    def pairs(self) -> list[Contact]:
+        """The pairs of links that are checked, without repetition."""
+        found = dict.fromkeys(self._names(pair) for pair in self._geometry.collisionPairs)
+        return list(found)
+
+    def contact(self, q: FloatArray) -> Contact | None:
+        """Give a pair that touches in a configuration (nq,), or None."""
+        found = pin.computeCollisions(
+            self._model, self._data, self._geometry, self._contacts, q, True
+        )
+        if not found:
+            return None
+        return next(iter(self._found()))
+
+    def contacts(self, q: FloatArray) -> set[Contact]:
+        """Give all pairs that touch in a configuration (nq,)."""
+        pin.computeCollisions(self._model, self._data, self._geometry, self._contacts, q, False)
+        return set(self._found())
+
+    def check_path(
+        self, configurations: FloatArray, name: str, ignored: Collection[Contact] = ()
+    ) -> None:
+        """Refuse a path on which something touches.
+
+        Args:
+            configurations: Of the whole robot along the path, shape (N, nq).
+            name: What the motion is called in the error.
+            ignored: Pairs that may touch, for instance because they do at the start.
+
+        Raises:
+            CollisionError: Names the links and where on the path they meet.
+        """
+        for i, q in enumerate(configurations):
+            contact = self.contact(q)
+            if contact is None:
+                continue
+            others = self.contacts(q) - set(ignored)
+            if others:
+                share = i / max(len(configurations) - 1, 1)
+                raise CollisionError(
+                    f"the motion '{name}' should keep {self.config.margin * 1e3:.0f} mm of "
+                    f"clearance; {min(others, key=str)} meet at {share:.0%} of it; choose another "
+                    "grasp or a shorter displacement"
+                )
+
+    def _found(self) -> Iterable[Contact]:
+        for index, pair in enumerate(self._geometry.collisionPairs):
+            if self._contacts.collisionResults[index].isCollision():
+                yield self._names(pair)
+
+    def _names(self, pair: pin.CollisionPair) -> Contact:
+        return Contact(self._links[pair.first], self._links[pair.second])
+
+    def _link_of(self, geometry: pin.GeometryObject) -> str:
+        return str(self._model.frames[geometry.parentFrame].name)
+
+    def _add_table(self, description: RobotDescription) -> None:
+        placement = pin.SE3(np.eye(3), np.asarray(description.table_centre_in_base))
+        box = coal.Box(*(float(length) for length in description.table_size))
+        self._geometry.addGeometryObject(pin.GeometryObject(TABLE, 0, 0, placement, box))
+        self._links.append(TABLE)
+
+    def _find_branches(self, description: RobotDescription) -> list[str]:
+        """Name for each geometry the arm it belongs to: arm, "arm hand", or "" for the rest."""
+        names = {}
+        for arm, parts in description.arms.items():
+            names.update({joint: arm for joint in parts.group.joint_names})
+            names.update({joint: f"{arm} hand" for joint in parts.gripper_joint_names})
+        joints = [g.parentJoint for g in self._geometry.geometryObjects]
+        return [names.get(str(self._model.names[joint]), "") for joint in joints]
+
+    def _moving_pairs(self) -> list[tuple[int, int]]:
+        objects = self._geometry.geometryObjects
+        pairs = []
+        for first in range(len(objects)):
+            for second in range(first + 1, len(objects)):
+                a, b = objects[first].parentJoint, objects[second].parentJoint
+                branches = (self._branches[first], self._branches[second])
+                one_hand = branches[0] == branches[1] and branches[0].endswith("hand")
+                body = branches == ("", "")
+                if not (self._near_in_chain(a, b) or one_hand or body):
+                    pairs.append((first, second))
+        return pairs
+
+    def _near_in_chain(self, first: int, second: int) -> bool:
+        """Tell whether at most two moving joints lie between two joints' links."""
+        parents = self._model.parents
+        lines = []
+        for joint in (first, second):
+            line = [joint]
+            while line[-1] != 0 and len(line) < 3:
+                line.append(parents[line[-1]])
+            lines.append(line)
+        table = 0 in (first, second)
+        return not table and (second in lines[0] or first in lines[1]) or first == second
+
+    def _drop_pairs(self, rest: FloatArray, never: Collection[frozenset[str]]) -> None:
+        """Drop pairs that touch at rest, are known not to, or never do in one arm at random."""
+        for request in self._contacts.collisionRequests:
+            request.security_margin = self.config.margin
+        at_rest = self.contacts(rest)
+        rng = np.random.default_rng(self.config.seed)
+        lower, upper = self._model.lowerPositionLimit, self._model.upperPositionLimit
+        hits = np.zeros(len(self._geometry.collisionPairs), dtype=int)
+        for _ in range(self.config.samples):
+            q = rng.uniform(lower, upper)
+            pin.computeCollisions(
+                self._model, self._data, self._geometry, self._contacts, q, False
+            )
+            hits += [result.isCollision() for result in self._contacts.collisionResults]
+        for pair, count in zip(list(self._geometry.collisionPairs), hits, strict=True):
+            arms = {self._branches[i].split(" ")[0] for i in (pair.first, pair.second)}
+            own = len(arms) == 1 and "" not in arms
+            names = self._names(pair)
+            known = frozenset({names.first, names.second}) in never
+            if known or (own and count == 0) or names in at_rest:
+                self._geometry.removeCollisionPair(pair)
+        self._contacts = pin.GeometryData(self._geometry)
+
+    def _set_margins(self, description: RobotDescription) -> None:
+        tips = {link for arm in description.arms.values() for link in arm.fingertip_links}
+        for index, pair in enumerate(self._geometry.collisionPairs):
+            links = {self._links[pair.first], self._links[pair.second]}
+            nail_on_table = TABLE in links and bool(links & tips)
+            margin = -self.config.nail_penetration if nail_on_table else self.config.margin
+            self._contacts.collisionRequests[index].security_margin = margin

@@ -1,0 +1,117 @@
+"""Which arm can grip which hem, and how: candidates in the order of preference."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from emd_arm_executor.config import MotionConfig
+from emd_arm_executor.grasp import GraspPose, displacement_keeping_crease, grasp_poses
+from emd_arm_executor.hand_paths import Grip, hand_paths
+from emd_arm_executor.hem import Hem
+from emd_arm_executor.robot_model import RobotModel
+from emd_arm_executor.silhouette import Silhouette
+from emd_core.errors import CellError, OutOfReachError
+from emd_core.frames import FloatArray
+
+
+class GripSearch:
+    """The grips with which one arm can carry out its part, found one by one as they are asked.
+
+    A grip counts when its arm reaches the whole path: lowering, insertion, carrying, release and
+    retreat. The nearest hem comes first, then the second nearest and so on (paper, V-B); at each
+    hem the vertical hand orthogonal to the hem comes first.
+    """
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        arm: str,
+        point_in_table: FloatArray,
+        hems: Sequence[Hem],
+        displacement_in_table: FloatArray,
+        silhouette: Silhouette,
+        config: MotionConfig,
+    ) -> None:
+        """Prepare the search; nothing is computed yet.
+
+        Args:
+            robot: The robot.
+            arm: The arm.
+            point_in_table: The planned grasp point, shape (2,), metres.
+            hems: Its hems, the nearest first.
+            displacement_in_table: As planned, shape (2,), metres.
+            silhouette: The cloth.
+            config: Postures to try.
+        """
+        self.arm = arm
+        self.point_in_table = point_in_table
+        self.rejected: list[CellError] = []
+        self._robot, self._config = robot, config
+        self._displacement, self._silhouette = displacement_in_table, silhouette
+        self._found: list[Grip] = []
+        self._source = self._search(hems)
+
+    def grip(self, index: int) -> Grip | None:
+        """Give the grip of a rank, 0 first; None if there are not so many."""
+        while len(self._found) <= index:
+            found = next(self._source, None)
+            if found is None:
+                return None
+            self._found.append(found)
+        return self._found[index]
+
+    def _search(self, hems: Sequence[Hem]) -> Iterator[Grip]:
+        for rank, hem in enumerate(hems):
+            before = len(self._found)
+            reasons: list[OutOfReachError] = []
+            for pair in _pairs(list(grasp_poses(hem, self._config.grasp))):
+                yield from self._at_posture(pair, reasons)
+            if len(self._found) == before and reasons:
+                first = reasons[0]
+                self.rejected.append(OutOfReachError(f"hem {rank + 1}, {self.arm} arm: {first}"))
+
+    def _at_posture(
+        self, poses: Sequence[GraspPose], reasons: list[OutOfReachError]
+    ) -> Iterator[Grip]:
+        """Yield the grips of one posture, the half turn that stays nearest to rest first."""
+        kinematics = self._robot.arms[self.arm]
+        rest = self._robot.rest_positions([self.arm])
+        restarts = self._config.kinematics.grasp_restarts
+        grips = []
+        for grasp in poses:
+            target = self._robot.transform_table_to_base @ grasp.transform_tool_to_table
+            for positions in kinematics.solutions(target, (rest,), restarts):
+                grips.append(Grip(self.arm, grasp, positions))
+        if not grips:
+            target = self._robot.transform_table_to_base @ poses[0].transform_tool_to_table
+            if not reasons:
+                reasons.append(kinematics.out_of_reach(target, (rest,)))
+            return
+        grips.sort(key=lambda grip: float(np.abs(grip.positions - rest).max()))
+        for distance in self._config.grasp.pre_grasp_distances:
+            for grip in grips:
+                candidate = replace(grip, pre_grasp_distance=distance)
+                try:
+                    self._try(candidate)
+                except OutOfReachError as err:
+                    reasons.append(err)
+                else:
+                    yield candidate
+                    return
+
+    def _try(self, grip: Grip) -> None:
+        displacement = self._displacement
+        if self._config.grasp.keep_crease:
+            displacement = displacement_keeping_crease(
+                displacement, self.point_in_table[None], [grip.grasp]
+            )
+        hand_paths(self._robot, [grip], displacement, self._silhouette, self._config)
+
+
+def _pairs(poses: Sequence[GraspPose]) -> Iterator[Sequence[GraspPose]]:
+    """Group postures with their half turns, which `grasp_poses` yields side by side."""
+    for index in range(0, len(poses), 2):
+        yield poses[index : index + 2]

@@ -1,0 +1,149 @@
+"""From grips and a displacement to joint paths of one or two arms, all in reach or refused."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from emd_arm_executor.config import MotionConfig
+from emd_arm_executor.grasp import GraspPose
+from emd_arm_executor.joint_path import JointPath, travel_parameters
+from emd_arm_executor.robot_model import RobotModel
+from emd_arm_executor.silhouette import Silhouette
+from emd_arm_executor.via_poses import OrientedPoint, carry_poses, line_poses
+from emd_core.frames import FloatArray, inverse_transform
+
+
+@dataclass(frozen=True)
+class Grip:
+    """One arm at one hem.
+
+    Attributes:
+        arm: Name of the arm.
+        grasp: How its hand stands.
+        positions: Its joints in this posture, shape (n,), radians.
+        pre_grasp_distance: Distance outside the hem at which the hand is lowered, metres.
+    """
+
+    arm: str
+    grasp: GraspPose
+    positions: FloatArray
+    pre_grasp_distance: float = 0.0
+
+
+@dataclass(frozen=True)
+class HandPaths:
+    """Joint paths of the hands at the cloth, all arms on one parameter.
+
+    Attributes:
+        arms: The arms in the order of the joints.
+        lower: From above the table to beside the hem.
+        insert: From there to the grip.
+        carry: From the grip to the release.
+        retreat: From the release upwards.
+        via_poses_in_table: Poses of the tools while they carry, shape (H, N, 4, 4).
+    """
+
+    arms: tuple[str, ...]
+    lower: JointPath
+    insert: JointPath
+    carry: JointPath
+    retreat: JointPath
+    via_poses_in_table: FloatArray
+
+    @property
+    def start(self) -> FloatArray:
+        """Joint positions above the table before the grasp, shape (n,), radians."""
+        return self.lower.positions(0.0)
+
+    @property
+    def end(self) -> FloatArray:
+        """Joint positions above the table after the release, shape (n,), radians."""
+        return self.retreat.positions(self.retreat.length)
+
+
+def hand_paths(
+    robot: RobotModel,
+    grips: Sequence[Grip],
+    displacement_in_table: FloatArray,
+    silhouette: Silhouette,
+    config: MotionConfig,
+) -> HandPaths:
+    """Find joint paths for the whole contact with the cloth.
+
+    The oriented point stands between the hands. The hands keep their pose relative to it, so
+    relative to each other, from the grip to the release (paper, IV-B items 3 and 4).
+
+    Args:
+        robot: The robot.
+        grips: One for each arm that is used.
+        displacement_in_table: Of the hands, shape (2,), metres.
+        silhouette: The cloth, for its height.
+        config: Heights and steps.
+
+    Raises:
+        OutOfReachError: If an arm cannot follow.
+        InvalidInputError: If the displacement is too short.
+    """
+    held = np.stack([grip.grasp.transform_tool_to_table for grip in grips])
+    release_height = _release_height(held, displacement_in_table, silhouette, config)
+    centre = held[:, :3, 3].mean(axis=0)
+    release = np.array([*(centre[:2] + displacement_in_table), release_height])
+    point = carry_poses(OrientedPoint(centre), OrientedPoint(release), config.path)
+    hand_in_point = inverse_transform(point[0]) @ held
+    carried = np.einsum("nij,hjk->hnik", point, hand_in_point)
+    hover = max(silhouette.top, config.grasp.grip_height) + config.grasp.hover_clearance
+    rise = hover - config.grasp.grip_height
+    beside = np.stack([_drawn_back(grip, 0.0, config) for grip in grips])
+    above = np.stack([_drawn_back(grip, rise, config) for grip in grips])
+    up = carried[:, -1].copy()
+    up[:, 2, 3] = np.maximum(up[:, 2, 3], config.path.retreat_height)
+    segments = {
+        "lower": line_poses(above, beside, config.path),
+        "insert": line_poses(beside, held, config.path),
+        "carry": carried,
+        "retreat": line_poses(carried[:, -1], up, config.path),
+    }
+    paths = _track(robot, grips, segments)
+    return HandPaths(tuple(grip.arm for grip in grips), via_poses_in_table=carried, **paths)
+
+
+def _drawn_back(grip: Grip, rise: float, config: MotionConfig) -> FloatArray:
+    """Give the hand's pose outside the hem, measured from the hem, not from the grip."""
+    return grip.grasp.at(grip.pre_grasp_distance + config.grasp.insertion, rise)
+
+
+def _release_height(
+    held: FloatArray, displacement: FloatArray, silhouette: Silhouette, config: MotionConfig
+) -> float:
+    """Let go a little above whatever lies where any of the hands lets go, never below the grip."""
+    below = max(
+        silhouette.height_near(pose[:2, 3] + displacement, config.path.release_radius)
+        for pose in held
+    )
+    return max(below, config.grasp.grip_height) + config.path.release_clearance
+
+
+def _track(
+    robot: RobotModel, grips: Sequence[Grip], segments: dict[str, FloatArray]
+) -> dict[str, JointPath]:
+    """Follow all segments with each arm, both ways from the grip."""
+    names = robot.joint_names([grip.arm for grip in grips])
+    columns: dict[str, list[FloatArray]] = {name: [] for name in segments}
+    for h, grip in enumerate(grips):
+        arm = robot.arms[grip.arm]
+        in_base = {k: robot.transform_table_to_base @ poses[h] for k, poses in segments.items()}
+        insert = arm.track(in_base["insert"][::-1], grip.positions)[::-1]
+        columns["insert"].append(insert)
+        columns["lower"].append(arm.track(in_base["lower"][::-1], insert[0])[::-1])
+        carry = arm.track(in_base["carry"], grip.positions)
+        columns["carry"].append(carry)
+        columns["retreat"].append(arm.track(in_base["retreat"], carry[-1]))
+    return {
+        name: JointPath.through(
+            names, np.concatenate(columns[name], axis=1), travel_parameters(segments[name])
+        )
+        for name in segments
+    }

@@ -1,0 +1,329 @@
+"""From a manipulation to a checked, timed motion of the arms (paper, IV-B and V-B).
+
+Everything is computed and checked before anything moves: reach, limits and collisions of the
+whole motion. What cannot be done is refused with the reason for every candidate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from emd_arm_executor.config import MotionConfig
+from emd_arm_executor.grasp import displacement_keeping_crease
+from emd_arm_executor.grip_search import GripSearch
+from emd_arm_executor.hand_paths import Grip, HandPaths, hand_paths
+from emd_arm_executor.hem import Hem, find_hems
+from emd_arm_executor.hem_contour import extract_hems
+from emd_arm_executor.joint_moves import (
+    JointMove,
+    check_joint_path,
+    plan_joint_move,
+    raise_hands,
+)
+from emd_arm_executor.joint_path import JointPath
+from emd_arm_executor.motion_plan import GripperCommand, MotionPlan, Phase, PhaseName
+from emd_arm_executor.robot_model import RobotModel
+from emd_arm_executor.silhouette import Silhouette
+from emd_arm_executor.trajectory import MotionLimits, TimedPath, time_path
+from emd_core.errors import CellError, CollisionError, OutOfReachError
+from emd_core.frames import FloatArray
+from emd_core.manipulation import Manipulation
+
+# A joint nearer to its rest position than this needs no move, radians.
+_AT_REST = 1e-3
+# Reasons that a refusal quotes.
+_QUOTED = 6
+
+
+class MotionPlanner:
+    """Plans manipulations and the way home for one robot."""
+
+    def __init__(self, robot: RobotModel, config: MotionConfig | None = None) -> None:
+        """Keep the robot and the configuration, the robot's own if None."""
+        self.robot = robot
+        self.config = config or robot.config
+
+    def plan_motion(
+        self,
+        manipulation: Manipulation,
+        silhouette: Silhouette,
+        joint_positions: Mapping[str, float],
+    ) -> MotionPlan:
+        """Plan approach, grasp, carrying, release, retreat and the way home.
+
+        Each used grasp point gets an arm and a hem: the nearest hem, else the second nearest and
+        so on; two hands do not cross. An arm that is not used rests.
+
+        Args:
+            manipulation: Grasp points and displacement in the table frame.
+            silhouette: The cloth.
+            joint_positions: Where the robot's joints are, radians.
+
+        Raises:
+            NoHemError: If no hem lies near a grasp point.
+            OutOfReachError: If no candidate is within reach.
+            CollisionError: If every candidate within reach touches something.
+            InvalidInputError: If the displacement is too short or a joint is missing.
+        """
+        contours = extract_hems(silhouette, self.config.hem)
+        used = np.array(manipulation.used)
+        points = manipulation.grasp_points_in_table[used]
+        count = self.config.hem.candidates
+        hems = [find_hems(contours, point, count, self.config.hem) for point in points]
+        rejected: list[CellError] = []
+        for searches in self._assignments(points, hems, manipulation, silhouette):
+            for grips in self._grip_sets(searches):
+                try:
+                    return self._complete(
+                        grips, manipulation, points, silhouette, joint_positions, rejected
+                    )
+                except (OutOfReachError, CollisionError) as err:
+                    rejected.append(_of_arms(err, grips))
+            rejected.extend(reason for search in searches for reason in search.rejected)
+        raise _refusal(rejected)
+
+    def plan_home(
+        self, joint_positions: Mapping[str, float], open_hands: bool = False
+    ) -> MotionPlan:
+        """Plan the way to rest from anywhere: hands straight up first if they are low.
+
+        Args:
+            joint_positions: Where the robot's joints are, radians.
+            open_hands: Whether the jaws open first, dropping what they hold.
+
+        Raises:
+            CollisionError: If every way touches something.
+        """
+        arms = tuple(self.robot.arms)
+        phases = []
+        if open_hands:
+            jaws = self._jaws(arms, self.config.grasp.open_width)
+            phases.append(Phase(PhaseName.RELEASE, (), jaws, self.config.grasp.open_time))
+        start = self.robot.arm_positions(arms, joint_positions)
+        goal = self.robot.rest_positions(arms)
+        move = JointMove("home", arms, start, goal, joint_positions, {})
+        lift = self._lift(move)
+        if lift is not None:
+            start = lift.positions(lift.length)
+            phases.append(
+                Phase(PhaseName.RETREAT, (self._time(lift, self.config.timing.retreat_speed),))
+            )
+        move = JointMove("home", arms, start, goal, joint_positions, {})
+        way = plan_joint_move(self.robot, move)
+        phases.append(Phase(PhaseName.HOME, tuple(self._time(path) for path in way)))
+        return MotionPlan(tuple(phases))
+
+    def _lift(self, move: JointMove) -> JointPath | None:
+        """Raise the hands that are low, if that is within reach and free."""
+        height = self.config.path.retreat_height
+        lift = raise_hands(self.robot, move.arms, move.start, height)
+        if lift is None:
+            return None
+        try:
+            check_joint_path(self.robot, lift, move)
+        except CollisionError:
+            return None
+        return lift
+
+    def _assignments(
+        self,
+        points: FloatArray,
+        hems: Sequence[Sequence[Hem]],
+        manipulation: Manipulation,
+        silhouette: Silhouette,
+    ) -> Iterator[list[GripSearch]]:
+        """Yield which arm takes which point, the likelier first; two hands never cross."""
+        shoulders = {
+            arm: float(kinematics.forward(self.robot.rest_positions([arm]))[1, 3])
+            for arm, kinematics in self.robot.arms.items()
+        }
+        # At rest each hand is on its arm's side: the sign of y in the base frame tells the side.
+        sides = sorted(shoulders, key=lambda arm: -shoulders[arm])
+        padded = np.column_stack([points, np.zeros(len(points)), np.ones(len(points))])
+        lateral = (self.robot.transform_table_to_base @ padded.T)[1]
+        for arms in _arms_for(lateral, sides):
+            yield [
+                GripSearch(
+                    self.robot,
+                    arm,
+                    points[i],
+                    hems[i],
+                    manipulation.displacement_in_table,
+                    silhouette,
+                    self.config,
+                )
+                for i, arm in enumerate(arms)
+            ]
+
+    def _grip_sets(self, searches: Sequence[GripSearch]) -> Iterator[list[Grip]]:
+        """Yield one grip for each point, those with the least sum of ranks first."""
+        if len(searches) == 1:
+            yield from ([grip] for grip in _all_of(searches[0]))
+            return
+        tried = 0
+        for total in range(2 * self.config.grasp.max_pairs):
+            exhausted = True
+            for rank in range(total + 1):
+                first, second = searches[0].grip(rank), searches[1].grip(total - rank)
+                exhausted &= first is None and second is None
+                if first is None or second is None:
+                    continue
+                yield [first, second]
+                tried += 1
+                if tried >= self.config.grasp.max_pairs:
+                    return
+            if exhausted or any(search.grip(0) is None for search in searches):
+                return
+
+    def _complete(
+        self,
+        grips: Sequence[Grip],
+        manipulation: Manipulation,
+        points: FloatArray,
+        silhouette: Silhouette,
+        joint_positions: Mapping[str, float],
+        rejected: Sequence[CellError],
+    ) -> MotionPlan:
+        """Check the whole motion with these grips and time it."""
+        displacement = manipulation.displacement_in_table
+        if self.config.grasp.keep_crease:
+            grasps = [grip.grasp for grip in grips]
+            displacement = displacement_keeping_crease(displacement, points, grasps)
+        paths = hand_paths(self.robot, grips, displacement, silhouette, self.config)
+        resting = self._resting(paths.arms, joint_positions)
+        self._check_contact(paths, resting)
+        approach = self._approach(paths, joint_positions)
+        home = self._way_home(paths, resting)
+        return MotionPlan(
+            phases=self._phases(paths, approach, home),
+            grasps={grip.arm: grip.grasp for grip in grips},
+            via_poses_in_table=dict(zip(paths.arms, paths.via_poses_in_table, strict=True)),
+            displacement_in_table=displacement,
+            rejected=tuple(str(reason) for reason in rejected),
+        )
+
+    def _resting(
+        self, used: Sequence[str], joint_positions: Mapping[str, float]
+    ) -> dict[str, float]:
+        """Give the posture with every arm that is not used at rest."""
+        posture = dict(joint_positions)
+        for arm in self.robot.arms:
+            if arm not in used:
+                names = self.robot.joint_names([arm])
+                posture.update(zip(names, self.robot.rest_positions([arm]), strict=True))
+        return posture
+
+    def _check_contact(self, paths: HandPaths, others: Mapping[str, float]) -> None:
+        grasp = self.config.grasp
+        for name, path, width in (
+            ("lower", paths.lower, grasp.open_width),
+            ("insert", paths.insert, grasp.open_width),
+            ("carry", paths.carry, grasp.closed_width),
+            ("retreat", paths.retreat, grasp.open_width),
+        ):
+            widths = dict.fromkeys(paths.arms, width)
+            _, positions = path.densely(self.config.collision.path_step)
+            rows = self.robot.configurations(others, path.joint_names, positions, widths)
+            self.robot.collision.check_path(rows, name)
+
+    def _approach(self, paths: HandPaths, joint_positions: Mapping[str, float]) -> list[JointPath]:
+        """Bring the used arms above the hem, and stray ones to rest."""
+        strays = tuple(
+            arm
+            for arm in self.robot.arms
+            if arm not in paths.arms and self._strays(arm, joint_positions)
+        )
+        arms = paths.arms + strays
+        goal = np.concatenate([paths.start, *(self.robot.rest_positions([a]) for a in strays)])
+        start = self.robot.arm_positions(arms, joint_positions)
+        widths = dict.fromkeys(paths.arms, self.config.grasp.open_width)
+        move = JointMove("approach", arms, start, goal, joint_positions, widths)
+        return plan_joint_move(self.robot, move)
+
+    def _strays(self, arm: str, joint_positions: Mapping[str, float]) -> bool:
+        offset = self.robot.arm_positions([arm], joint_positions) - self.robot.rest_positions(
+            [arm]
+        )
+        return bool(np.abs(offset).max() > _AT_REST)
+
+    def _way_home(self, paths: HandPaths, others: Mapping[str, float]) -> list[JointPath]:
+        widths = dict.fromkeys(paths.arms, self.config.grasp.open_width)
+        goal = self.robot.rest_positions(paths.arms)
+        move = JointMove("home", paths.arms, paths.end, goal, others, widths)
+        return plan_joint_move(self.robot, move)
+
+    def _phases(
+        self, paths: HandPaths, approach: Sequence[JointPath], home: Sequence[JointPath]
+    ) -> tuple[Phase, ...]:
+        grasp, timing = self.config.grasp, self.config.timing
+        opened = self._jaws(paths.arms, grasp.open_width)
+        closed = self._jaws(paths.arms, grasp.closed_width)
+        down = (
+            *(self._time(path) for path in approach),
+            self._time(paths.lower, timing.lower_speed),
+            self._time(paths.insert, timing.insert_speed),
+        )
+        return (
+            Phase(PhaseName.APPROACH, down, opened),
+            Phase(PhaseName.GRASP, (), closed, grasp.close_time),
+            Phase(PhaseName.CARRY, (self._time(paths.carry, timing.carry_speed),)),
+            Phase(PhaseName.RELEASE, (), opened, grasp.open_time),
+            Phase(PhaseName.RETREAT, (self._time(paths.retreat, timing.retreat_speed),)),
+            Phase(PhaseName.HOME, tuple(self._time(path) for path in home)),
+        )
+
+    def _jaws(self, arms: Sequence[str], width: float) -> tuple[GripperCommand, ...]:
+        return tuple(GripperCommand(arm, width) for arm in arms)
+
+    def _time(self, path: JointPath, max_speed: float | None = None) -> TimedPath:
+        arms = [
+            arm
+            for arm in self.robot.arms
+            if set(self.robot.joint_names([arm])) <= set(path.joint_names)
+        ]
+        speeds = dict(
+            zip(self.robot.joint_names(arms), self.robot.max_velocity(arms), strict=True)
+        )
+        published = np.array([speeds[name] for name in path.joint_names])
+        return time_path(path, MotionLimits.of(published, self.config.timing), max_speed)
+
+
+def _arms_for(lateral: FloatArray, sides: Sequence[str]) -> list[tuple[str, ...]]:
+    """List the arms for points at lateral positions y, the likelier assignment first.
+
+    Args:
+        lateral: y of each point in the base frame, metres, positive to the left.
+        sides: Names of the arms from left to right.
+    """
+    if len(lateral) == 1:
+        return [(arm,) for arm in (sides if lateral[0] >= 0.0 else reversed(sides))]
+    straight, swapped = tuple(sides), tuple(reversed(sides))
+    return [straight] if lateral[0] >= lateral[1] else [swapped]
+
+
+def _all_of(search: GripSearch) -> Iterator[Grip]:
+    index = 0
+    while (grip := search.grip(index)) is not None:
+        yield grip
+        index += 1
+
+
+def _of_arms(err: CellError, grips: Sequence[Grip]) -> CellError:
+    hands = " and ".join(
+        f"{grip.arm} arm at ({grip.grasp.position_in_table[0]:.3f}, "
+        f"{grip.grasp.position_in_table[1]:.3f}) m"
+        for grip in grips
+    )
+    return type(err)(f"{hands}: {err}")
+
+
+def _refusal(rejected: Sequence[CellError]) -> CellError:
+    """Put all reasons into one error; a collision outranks being out of reach."""
+    collided = any(isinstance(reason, CollisionError) for reason in rejected)
+    kind = CollisionError if collided else OutOfReachError
+    unique = list(dict.fromkeys(str(reason) for reason in rejected))
+    quoted = "; ".join(unique[:_QUOTED])
+    more = f"; and {len(unique) - _QUOTED} more" if len(unique) > _QUOTED else ""
+    return kind(f"no arm can carry out this manipulation: {quoted}{more}")

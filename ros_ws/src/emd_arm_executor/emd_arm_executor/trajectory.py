@@ -1,0 +1,292 @@
+"""Timing of a joint path under limits of velocity, acceleration and jerk, and stopping on it.
+
+The motion along the path is one-dimensional and comes from Ruckig, so all joints of both arms
+follow one parameter and never leave the path. Ruckig's own waypoints are not used: they would
+call a remote service.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from ruckig import ControlInterface, InputParameter, Result, Ruckig, Trajectory
+from scipy.interpolate import CubicSpline
+
+from emd_arm_executor.config import TimingConfig
+from emd_arm_executor.joint_path import JointPath
+from emd_arm_executor.joint_trajectory import JointTrajectory
+from emd_core.errors import InvalidInputError
+from emd_core.frames import FloatArray
+
+# Instants at which a motion is checked against the joints' limits.
+_CHECKS = 300
+# What `time_path` tries: widths of smoothing, and shares of acceleration and jerk.
+_WINDOWS = (0.02, 0.035, 0.06)
+_SHARES = (1.0, 0.6)
+
+
+@dataclass(frozen=True)
+class MotionLimits:
+    """Limits of n joints.
+
+    Attributes:
+        velocity: Shape (n,), rad/s.
+        acceleration: Shape (n,), rad/s^2.
+        jerk: Shape (n,), rad/s^3.
+    """
+
+    velocity: FloatArray
+    acceleration: FloatArray
+    jerk: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises:
+            InvalidInputError: If a limit is not positive or the shapes differ.
+        """
+        arrays = [np.asarray(a) for a in (self.velocity, self.acceleration, self.jerk)]
+        if len({a.shape for a in arrays}) != 1 or not all((a > 0.0).all() for a in arrays):
+            raise InvalidInputError(
+                "joint limits must be positive and of equal shape, got "
+                f"{[a.tolist() for a in arrays]}"
+            )
+
+    @classmethod
+    def of(cls, max_velocity: FloatArray, config: TimingConfig | None = None) -> MotionLimits:
+        """Scale the joints' published speeds (n,) and add the configured other limits."""
+        config = config or TimingConfig()
+        velocity = np.minimum(config.speed_factor * max_velocity, config.max_velocity)
+        ones = np.ones_like(velocity)
+        return cls(velocity, config.max_acceleration * ones, config.max_jerk * ones)
+
+    @classmethod
+    def for_stop(
+        cls, max_velocity: FloatArray, config: TimingConfig | None = None
+    ) -> MotionLimits:
+        """Give the higher limits of joints with these published speeds (n,) while they stop."""
+        config = config or TimingConfig()
+        moving = cls.of(max_velocity, config)
+        ones = np.ones_like(max_velocity)
+        return replace(
+            moving,
+            acceleration=config.stop_acceleration * ones,
+            jerk=config.stop_jerk * ones,
+        )
+
+    def excess(
+        self, velocities: FloatArray, accelerations: FloatArray, jerks: FloatArray
+    ) -> tuple[float, float, float]:
+        """Give the largest ratios of motions (T, n) to the limits; above 1 is too much."""
+        pairs = (
+            (velocities, self.velocity),
+            (accelerations, self.acceleration),
+            (jerks, self.jerk),
+        )
+        v, a, j = (float((np.abs(motion) / limit).max()) for motion, limit in pairs)
+        return v, a, j
+
+
+@dataclass(frozen=True)
+class TimedPath:
+    """A joint path and when each of its points is passed.
+
+    Attributes:
+        path: The curve.
+        profile: Ruckig's motion of the path parameter.
+        offset: Time in the profile at which this motion starts, seconds.
+    """
+
+    path: JointPath
+    profile: Trajectory
+    offset: float = 0.0
+
+    @property
+    def duration(self) -> float:
+        """Length in time, seconds."""
+        return max(float(self.profile.duration) - self.offset, 0.0)
+
+    def parameter_at(self, time: float) -> tuple[float, float, float]:
+        """Give the path parameter, its velocity and its acceleration at a time."""
+        clipped = min(max(time, 0.0), self.duration)
+        position, velocity, acceleration = self.profile.at_time(clipped + self.offset)
+        bounded = min(max(position[0], 0.0), self.path.length)
+        return bounded, float(velocity[0]), float(acceleration[0])
+
+    def sample(self, period: float) -> JointTrajectory:
+        """Sample positions, velocities and accelerations every `period` seconds, ends included."""
+        count = max(1, int(np.ceil(self.duration / period - 1e-9)))
+        times = np.append(np.arange(count) * period, self.duration)
+        if self.duration <= 0.0:
+            times = np.array([0.0])
+        s, v, a = np.array([self.parameter_at(time) for time in times]).T
+        first, second, _ = self.path.derivatives(s)
+        return JointTrajectory(
+            self.path.joint_names,
+            times,
+            self.path.positions(s),
+            first * v[:, None],
+            second * v[:, None] ** 2 + first * a[:, None],
+        )
+
+
+def time_path(path: JointPath, limits: MotionLimits, max_speed: float | None = None) -> TimedPath:
+    """Find a fast motion from rest to rest along a path that keeps every joint's limits.
+
+    The path gets a new parameter on which bends are long and straight parts short, so that one
+    cruising speed suits both. Slowing a motion down by a factor k divides velocities by k,
+    accelerations by k^2 and jerks by k^3. So each trial takes limits of the path parameter,
+    measures the joints' excess and scales it away exactly; the fastest of a few trials wins.
+
+    Args:
+        path: The curve, n joints.
+        limits: Of these n joints.
+        max_speed: Cap on the speed of the path parameter (m/s or rad/s), none if None.
+
+    Returns:
+        A motion on the same curve, whose path parameter is about seconds at full speed.
+    """
+    trials = [
+        _fit(evened, limits, share)
+        for evened in (_even_out(path, limits, max_speed, window) for window in _WINDOWS)
+        for share in _SHARES
+    ]
+    return min(trials, key=lambda trial: trial.duration)
+
+
+def _even_out(
+    path: JointPath, limits: MotionLimits, max_speed: float | None, window: float
+) -> JointPath:
+    """Replace the path parameter by the time that its speed limit needs, smoothed.
+
+    Args:
+        path: The curve.
+        limits: Of the joints.
+        max_speed: Cap on the speed of the old parameter.
+        window: Half the width of the smoothing, as a share of the path's length.
+    """
+    count = max(200, 4 * len(path.spline.x))
+    grid = np.linspace(0.0, path.length, count + 1)
+    first, second, third = (np.maximum(np.abs(d), 1e-9) for d in path.derivatives(grid))
+    # A bend alone may use up half of the acceleration and of the jerk.
+    slowness = np.maximum(
+        (first / limits.velocity).max(axis=1),
+        np.sqrt((2.0 * second / limits.acceleration).max(axis=1)),
+    )
+    slowness = np.maximum(slowness, np.cbrt((2.0 * third / limits.jerk).max(axis=1)))
+    slowness = np.maximum(slowness, 1.0 / max_speed if max_speed else 0.0)
+    reach = max(2, int(window * count))
+    weights = 1.0 + np.cos(np.linspace(-np.pi, np.pi, 2 * reach + 1))
+    padded = np.pad(slowness, 2 * reach, mode="edge")
+    widest = sliding_window_view(padded, 2 * reach + 1).max(axis=1)
+    smooth = np.convolve(widest, weights / weights.sum(), mode="valid")
+    time = np.append(0.0, np.cumsum((smooth[1:] + smooth[:-1]) / 2.0 * np.diff(grid)))
+    new = np.linspace(0.0, time[-1], count // 2 + 1)
+    old = np.clip(CubicSpline(time, grid)(new), 0.0, path.length)
+    return JointPath.through(path.joint_names, path.positions(old), new)
+
+
+def _fit(path: JointPath, limits: MotionLimits, share: float) -> TimedPath:
+    """Time an evened path at full speed, slowed down until the joints' limits hold."""
+    steepest = np.maximum(np.abs(path.derivatives(path.spline.x)[0]).max(axis=0), 1e-9)
+    acceleration = share * float((limits.acceleration / steepest).min())
+    jerk = share * float((limits.jerk / steepest).min())
+    trial = TimedPath(path, _rest_to_rest(path.length, 1.0, acceleration, jerk))
+    velocity, excess, sudden = limits.excess(*_joint_motion(trial))
+    slower = max(velocity, excess ** (1 / 2), sudden ** (1 / 3), 1.0)
+    if slower > 1.0:
+        slower *= 1.0 + 1e-3
+        scaled = (1.0 / slower, acceleration / slower**2, jerk / slower**3)
+        trial = TimedPath(path, _rest_to_rest(path.length, *scaled))
+    return trial
+
+
+def stop_path(timed: TimedPath, time: float, limits: MotionLimits) -> TimedPath:
+    """Come to rest on the path as fast as the limits allow, from any moment of a motion.
+
+    If the motion ends before such a stop would, the rest of the motion is returned.
+
+    Args:
+        timed: The motion that runs.
+        time: When the stop begins, seconds from the start of `timed`.
+        limits: Of the joints while stopping.
+
+    Returns:
+        A motion on the same path, from the state at `time` to rest.
+    """
+    rest = TimedPath(timed.path, timed.profile, timed.offset + min(max(time, 0.0), timed.duration))
+    state = timed.parameter_at(time)
+    speed = abs(state[1])
+    if time >= timed.duration or speed < 1e-9:
+        return rest
+    ahead = np.linspace(state[0], timed.path.length, 64)
+    first = np.abs(timed.path.derivatives(ahead)[0])
+    steepest = np.maximum(first.max(axis=0), 1e-9)
+    acceleration = float((limits.acceleration / steepest).min())
+    jerk = float((limits.jerk / steepest).min())
+    stop = rest
+    for _ in range(8):
+        stop = TimedPath(timed.path, _to_rest(state, acceleration, jerk))
+        _, too_hard, too_sudden = limits.excess(*_joint_motion(stop))
+        if max(too_hard, too_sudden) <= 1.0:
+            break
+        acceleration /= max(too_hard, 1.0)
+        jerk /= max(too_sudden, 1.0)
+    end = float(stop.profile.at_time(stop.duration)[0][0])
+    if end > timed.path.length or stop.duration > rest.duration:
+        return rest
+    return stop
+
+
+def stop_trajectory(
+    timed: TimedPath, time: float, limits: MotionLimits, period: float
+) -> JointTrajectory:
+    """Sample `stop_path` every `period` seconds."""
+    return stop_path(timed, time, limits).sample(period)
+
+
+def _joint_motion(timed: TimedPath) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Give velocities, accelerations and jerks of the joints at many instants, each (T, n)."""
+    times = np.linspace(0.0, timed.duration, _CHECKS)
+    s, v, a = np.array([timed.parameter_at(time) for time in times]).T[..., None]
+    jerk = np.gradient(a[:, 0], times)[:, None] if timed.duration > 0.0 else np.zeros_like(a)
+    first, second, third = timed.path.derivatives(s[:, 0])
+    return (
+        first * v,
+        second * v**2 + first * a,
+        third * v**3 + 3.0 * second * v * a + first * jerk,
+    )
+
+
+def _rest_to_rest(length: float, speed: float, acceleration: float, jerk: float) -> Trajectory:
+    request = InputParameter(1)
+    request.current_position, request.target_position = [0.0], [length]
+    request.max_velocity = [speed]
+    request.max_acceleration = [acceleration]
+    request.max_jerk = [jerk]
+    return _calculate(request)
+
+
+def _to_rest(state: tuple[float, float, float], acceleration: float, jerk: float) -> Trajectory:
+    request = InputParameter(1)
+    request.control_interface = ControlInterface.Velocity
+    request.current_position = [state[0]]
+    request.current_velocity = [state[1]]
+    request.current_acceleration = [state[2]]
+    request.target_velocity, request.target_acceleration = [0.0], [0.0]
+    # Ruckig refuses a start above its limit; what the motion has already is allowed.
+    request.max_acceleration = [max(acceleration, abs(state[2]))]
+    request.max_jerk = [jerk]
+    return _calculate(request)
+
+
+def _calculate(request: InputParameter) -> Trajectory:
+    trajectory = Trajectory(1)
+    result = Ruckig(1).calculate(request, trajectory)
+    if result not in (Result.Working, Result.Finished):
+        raise InvalidInputError(
+            f"Ruckig finds no motion along the path ({result}): {request}; check the limits"
+        )
+    return trajectory
