@@ -6,7 +6,7 @@ setup(
     name="emd_planner",
     version="0.1.0",
     packages=find_packages(),
-    package_data={"emd_planner": ["py.typed"]},
+    package_data={"emd_planner": ["py.typed", "weights/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/emd_planner"]),
         ("share/emd_planner", ["package.xml"]),

@@ -8,6 +8,7 @@ from typing import Literal
 
 from emd_core.errors import InvalidInputError
 
+Activation = Literal["tanh", "leaky_relu", "identity"]
 Polygon = tuple[tuple[float, float], ...]
 
 
@@ -25,8 +26,9 @@ class EmdNetConfig:
         manipulation_layers: Weight layers of the manipulation module, counted like the encoder's.
         hidden_size: Regular neurons in each hidden layer of the manipulation module.
         manipulation_size: Values of one manipulation: two grasp points and the displacement.
-        activation: Of every layer but the decoder's last (ours). tanh is odd and bounded, so that
-            the codes of the encoder and those of the manipulation module have one range.
+        activation: Of the hidden layers of encoder and decoder (ours).
+        code_activation: Of the encoder's last layer (ours).
+        manipulation_activation: Of the manipulation module (ours).
         output: Of the decoder (ours): a logistic keeps the prediction between empty and full.
         biases: Whether layers have biases (ours); they start at 0.
         convolution_init: Half-width of the uniform initial weights of encoder and decoder.
@@ -40,7 +42,9 @@ class EmdNetConfig:
     manipulation_layers: int = 10
     hidden_size: int = 512
     manipulation_size: int = 6
-    activation: Literal["tanh", "leaky_relu"] = "tanh"
+    activation: Activation = "leaky_relu"
+    code_activation: Activation = "leaky_relu"
+    manipulation_activation: Activation = "leaky_relu"
     output: Literal["logistic", "identity"] = "logistic"
     biases: bool = True
     convolution_init: float = 0.05

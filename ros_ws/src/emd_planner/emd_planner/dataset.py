@@ -228,7 +228,7 @@ def _check(
         )
     if picks.shape != (count, length, 2, 2):
         raise InvalidInputError(f"{path}: picks must be (N, L, 2, 2), got {picks.shape}")
-    unused: NDArray[np.bool_] = np.isnan(picks).any(axis=3)
+    unused = np.asarray(np.isnan(picks).any(axis=3))
     if np.isinf(picks).any() or (unused & ~np.isnan(picks).all(axis=3)).any():
         raise InvalidInputError(f"{path}: a pick must be finite, or NaN in both values")
     if unused.all(axis=2).any() or not np.isfinite(moves).all():

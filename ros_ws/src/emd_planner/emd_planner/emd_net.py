@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from emd_core.errors import InvalidInputError
-from emd_planner.config import EmdNetConfig
+from emd_planner.config import Activation, EmdNetConfig
 from emd_planner.periodic_convolution import PeriodicConvolution, PeriodicTransposedConvolution
 
 
@@ -146,9 +146,9 @@ class Encoder(nn.Module):
 
     def forward(self, maps: Tensor) -> Tensor:
         """Encode."""
-        for layer in self.layers:
-            maps = _activate(layer(maps), self.config)
-        return maps
+        for layer in self.layers[:-1]:
+            maps = _activate(layer(maps), self.config.activation)
+        return _activate(self.layers[-1](maps), self.config.code_activation)
 
 
 class Decoder(nn.Module):
@@ -173,7 +173,7 @@ class Decoder(nn.Module):
     def forward(self, maps: Tensor) -> Tensor:
         """Decode, without the output's nonlinearity."""
         for layer in self.layers[:-1]:
-            maps = _activate(layer(maps), self.config)
+            maps = _activate(layer(maps), self.config.activation)
         return self.layers[-1](maps)
 
 
@@ -222,15 +222,15 @@ class ManipulationModule(nn.Module):
             sections = torch.cat([state.to(compute_type), inputs, hidden], 1)
             bias = None if layer.bias is None else layer.bias.to(compute_type)
             out = nn.functional.linear(sections, layer.weight.to(compute_type), bias)
-            out = _activate(out, self.config)
+            out = _activate(out, self.config.manipulation_activation)
             state, hidden = state + out[:, :size], out[:, size:]
         return state
 
 
-def _activate(values: Tensor, config: EmdNetConfig) -> Tensor:
-    if config.activation == "tanh":
+def _activate(values: Tensor, activation: Activation) -> Tensor:
+    if activation == "tanh":
         return values.tanh()
-    return nn.functional.leaky_relu(values, 0.1)
+    return nn.functional.leaky_relu(values, 0.1) if activation == "leaky_relu" else values
 
 
 @torch.no_grad()

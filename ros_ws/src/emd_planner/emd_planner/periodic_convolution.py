@@ -123,7 +123,8 @@ class _ConvolveTransposed(torch.autograd.Function):
 def _pad(maps: Tensor) -> Tensor:
     """Add one voxel on each side: the opposite edge in x and y, zeros in z."""
     batch, x, y, z, channels = maps.shape
-    padded = maps.new_zeros(batch, x + 2, y + 2, z + 2, channels)
+    padded = maps.new_empty(batch, x + 2, y + 2, z + 2, channels)
+    padded[:, :, :, 0] = padded[:, :, :, -1] = 0.0
     padded[:, 1:-1, 1:-1, 1:-1] = maps
     padded[:, 0], padded[:, -1] = padded[:, -2], padded[:, 1]
     padded[:, :, 0], padded[:, :, -1] = padded[:, :, -2], padded[:, :, 1]

@@ -28,6 +28,7 @@ from emd_planner.config import RECIPES, EmdNetConfig, TrainingConfig
 from emd_planner.dataset import SequenceSet, load_sequences
 from emd_planner.device import resolve_device
 from emd_planner.emd_net import EmdNet
+from emd_planner.memory import keep_freed_memory
 from emd_planner.recipe import Losses, make_recipe
 from emd_planner.training_log import TrainingLog, draw_curve
 from emd_planner.validation import Validator, mean_grid
@@ -285,6 +286,7 @@ def train(
 def main(arguments: list[str] | None = None) -> int:
     """Read the command line, train, and show how it goes."""
     options = _parse(arguments)
+    keep_freed_memory()
     console = Console()
     stopping: list[int] = []
     for name in (signal.SIGINT, signal.SIGTERM):

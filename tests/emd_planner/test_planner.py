@@ -1,0 +1,152 @@
+"""The search on problems whose best answer is known (paper, III-C)."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+
+from emd_core.errors import CancelledError
+from emd_planner.config import PlannerConfig
+from emd_planner.planner import random_values, search
+
+TARGET = torch.tensor([[0.2, -0.4, 0.7, 0.1, -0.9, 0.5], [0.0, 0.3, -0.6, 0.8, 0.4, -0.2]])
+
+
+def _starts(seed: int = 0, restarts: int = 10) -> torch.Tensor:
+    generator = torch.Generator().manual_seed(seed)
+    return random_values(restarts, 2, None, generator, torch.device("cpu"))
+
+
+def _distance(prediction: torch.Tensor, values: torch.Tensor) -> torch.Tensor:
+    return (prediction - TARGET).square().flatten(1).sum(1)
+
+
+def _bumpy(prediction: torch.Tensor, values: torch.Tensor) -> torch.Tensor:
+    """A Rastrigin function with its global minimum at TARGET."""
+    offset = prediction - TARGET
+    return (offset.square() + 0.05 * (1 - torch.cos(9.0 * offset))).flatten(1).sum(1)
+
+
+def test_known_optimum_is_found():
+    """On a convex problem every restart ends at the optimum."""
+    result = search(lambda values: values, _distance, _starts(), PlannerConfig())
+    torch.testing.assert_close(result.values, TARGET.expand_as(result.values), atol=1e-2, rtol=0.0)
+    assert result.costs.max() < 1e-3
+
+
+def test_restarts_find_what_one_start_misses():
+    """On a bumpy problem the best of many restarts beats the typical one; it comes first."""
+    result = search(lambda values: values, _bumpy, _starts(restarts=40), PlannerConfig())
+    assert (result.costs[:-1] <= result.costs[1:]).all()
+    assert result.costs[0] < 0.5 * result.costs.median()
+    torch.testing.assert_close(result.costs, _bumpy(result.values, result.values))
+
+
+def test_values_stay_in_range_even_if_the_optimum_lies_outside():
+    """An optimum beyond 1 is approached up to the border."""
+    result = search(
+        lambda values: values,
+        lambda prediction, values: (prediction - 3.0).square().flatten(1).sum(1),
+        _starts(),
+        PlannerConfig(),
+    )
+    torch.testing.assert_close(result.values, torch.ones_like(result.values))
+
+
+def test_search_ends_after_25_iterations_without_improvement():
+    """A flat cost ends after the first iteration and the patience, others after at most 100."""
+
+    def flat(prediction, values):
+        return 0.0 * prediction.flatten(1).sum(1)
+
+    assert search(lambda values: values, flat, _starts(), PlannerConfig()).iterations == 26
+    counted = []
+    config = PlannerConfig(min_improvement=-math.inf)
+    search(lambda v: v, _distance, _starts(), config, lambda p: counted.append(p.iteration))
+    assert counted == list(range(1, 101))
+
+
+def test_restarts_that_ended_are_no_longer_computed():
+    """The batch shrinks to the restarts that still improve, each with its own patience."""
+    sizes = []
+
+    def predict(values):
+        sizes.append(len(values))
+        return values
+
+    def cost(prediction, values):
+        moving = values[:, 0, 0] > 0.0
+        return torch.where(moving, prediction.square().flatten(1).sum(1), prediction.sum() * 0.0)
+
+    search(predict, cost, _starts(), PlannerConfig(patience=5))
+    assert sizes[0] == 10
+    assert sizes[-1] < 10
+
+
+def test_best_so_far_only_gets_better_and_is_told():
+    """Each iteration tells the best cost yet and the values that have it."""
+    told = []
+    search(lambda values: values, _bumpy, _starts(), PlannerConfig(), told.append)
+    costs = [progress.best_cost for progress in told]
+    assert costs == sorted(costs, reverse=True)
+    last = told[-1].best_values[None]
+    assert float(_bumpy(last, last)) == pytest.approx(costs[-1])
+
+
+def test_cancelling_stops_before_the_next_iteration():
+    """After the caller asks to stop, the model is not run again."""
+    runs = []
+
+    def predict(values):
+        runs.append(1)
+        return values
+
+    with pytest.raises(CancelledError):
+        search(predict, _bumpy, _starts(), PlannerConfig(), should_stop=lambda: len(runs) == 3)
+    assert len(runs) == 3
+
+
+def test_time_budget_ends_the_search_with_the_best_so_far(monkeypatch):
+    """When the time is over the search gives what it has, and has tried at least once."""
+    now = [0.0]
+
+    def predict(values):
+        now[0] += 1.0
+        return values
+
+    monkeypatch.setattr("emd_planner.planner.time.monotonic", lambda: now[0])
+    result = search(predict, _distance, _starts(), PlannerConfig(time_budget=4.5))
+    assert result.iterations == 5
+    assert result.costs.isfinite().all()
+    now[0] = 0.0
+    assert search(predict, _distance, _starts(), PlannerConfig(time_budget=0.0)).iterations == 1
+
+
+def test_a_cost_that_is_not_a_number_never_wins():
+    """A restart with NaN cost ends last and does not spoil the others."""
+
+    def cost(prediction, values):
+        spoiled = _distance(prediction, values)
+        return torch.where(values[:, 0, 0] > 0.0, spoiled, torch.nan * spoiled)
+
+    result = search(lambda values: values, cost, _starts(), PlannerConfig())
+    assert result.costs[0].isfinite()
+    assert result.values.isfinite().all()
+
+
+def test_starts_lie_on_the_cloth_and_depend_on_the_seed():
+    """Grasp points start on the silhouette, displacements anywhere in [-1, 1]."""
+    silhouette = torch.zeros(32, 32, dtype=torch.bool)
+    silhouette[4:8, 20:30] = True
+    one, same, other = (
+        random_values(50, 2, silhouette, torch.Generator().manual_seed(s), torch.device("cpu"))
+        for s in (1, 1, 2)
+    )
+    assert torch.equal(one, same)
+    assert not torch.equal(one, other)
+    x, y = one[..., [0, 2]], one[..., [1, 3]]
+    assert (x >= -0.75).all() and (x < -0.5).all()
+    assert (y >= 0.25).all() and (y < 0.875).all()
+    assert one[..., 4:].std() > 0.5

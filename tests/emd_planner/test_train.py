@@ -1,0 +1,170 @@
+"""Training runs."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+
+import pytest
+import torch
+
+from emd_core.errors import InvalidInputError
+from emd_planner.config import RECIPES, AugmentationConfig, TrainingConfig
+from emd_planner.dataset import load_sequences
+from emd_planner.emd_net import EmdNet
+from emd_planner.recipe import Losses, learning_rate_share, make_recipe
+from emd_planner.train import Run, main, train
+from emd_planner.validation import Validator, mean_grid
+from emd_planner.weights import load_net, read_provenance
+
+SHORT = TrainingConfig(batch_size=4, validation_share=0.2, bfloat16=False)
+
+
+@pytest.fixture
+def data(shard_directory):
+    """Twelve made-up sequences."""
+    return load_sequences([shard_directory])
+
+
+def test_a_net_overfits_four_examples(data, small_config):
+    """With the default recipe the losses on four examples fall to a tenth in 200 batches."""
+    config = dataclasses.replace(TrainingConfig(), batch_size=4)
+    net = EmdNet(small_config)
+    recipe = make_recipe(net, config)
+    windows = data.windows(data.window_starts(2)[:4], 2)
+    manipulations = windows.manipulations.nan_to_num(0.9)
+    first = Losses(net, windows.grids, manipulations).state.item()
+    for _ in range(200):
+        recipe.step(Losses(net, windows.grids, manipulations), 0.1)
+    assert Losses(net, windows.grids, manipulations).state.item() < 0.1 * first
+
+
+def test_the_papers_recipe_lowers_both_losses(data, small_config):
+    """The Manhattan rule descends as well, by its small steps."""
+    config = dataclasses.replace(RECIPES["paper"], learning_rate=1e-3)
+    net = EmdNet(small_config)
+    recipe = make_recipe(net, config)
+    windows = data.windows(data.window_starts(1)[:8], 1)
+    manipulations = windows.manipulations.nan_to_num(0.9)
+    first = Losses(net, windows.grids, manipulations)
+    for _ in range(60):
+        recipe.step(Losses(net, windows.grids, manipulations), 0.5)
+    last = Losses(net, windows.grids, manipulations)
+    assert last.state < 0.5 * first.state
+
+
+@pytest.mark.parametrize("recipe", ["default", "paper"])
+def test_an_interrupted_run_ends_with_the_same_weights(data, small_config, tmp_path, recipe):
+    """A run stopped after 3 of 6 batches and started again equals one without a break."""
+    config = dataclasses.replace(RECIPES[recipe], batch_size=4, validation_share=0.2)
+    whole = Run(tmp_path / "whole", iterations=6, seed=2)
+    broken = Run(tmp_path / "broken", iterations=6, seed=2)
+    reference = train(data, small_config, config, whole)
+    assert train(data, small_config, config, broken, should_stop=lambda done: done == 3) is None
+    assert not (tmp_path / "broken" / "emd_net.safetensors").exists()
+    resumed = train(data, small_config, config, broken)
+    assert reference is not None and resumed is not None
+    one, other = load_net(reference).state_dict(), load_net(resumed).state_dict()
+    assert all(torch.equal(one[name], other[name]) for name in one)
+    initial = EmdNet(small_config, seed=2).state_dict()
+    assert not torch.equal(initial["decoder.layers.0.weight"], one["decoder.layers.0.weight"])
+
+
+def test_a_checkpoint_of_another_run_is_refused(data, small_config, tmp_path):
+    """Going on with other options or another seed is refused, and says which differ."""
+    run = Run(tmp_path, iterations=2)
+    train(data, small_config, SHORT, run, should_stop=lambda done: done == 1)
+    with pytest.raises(InvalidInputError, match="another seed"):
+        train(data, small_config, SHORT, dataclasses.replace(run, seed=1))
+    with pytest.raises(InvalidInputError, match="another training"):
+        train(data, small_config, dataclasses.replace(SHORT, batch_size=8), run)
+    (tmp_path / "checkpoint.pt").write_bytes(b"broken")
+    with pytest.raises(InvalidInputError, match="delete it"):
+        train(data, small_config, SHORT, run)
+
+
+def test_a_run_leaves_its_scores_weights_and_origin(data, small_config, tmp_path):
+    """CSV, picture, weights and provenance lie in the output directory."""
+    rows = []
+    config = dataclasses.replace(SHORT, validate_every=0.0)
+    out = tmp_path / "out"
+    path = train(data, small_config, config, Run(out, iterations=3, command="c"), rows.append)
+    assert path is not None
+    assert {file.name for file in out.iterdir()} == {
+        "checkpoint.pt",
+        "curve.png",
+        "emd_net.json",
+        "emd_net.safetensors",
+        "log.csv",
+    }
+    with open(out / "log.csv", newline="") as stream:
+        logged = list(csv.DictReader(stream))
+    assert [float(row["one_step"]) for row in logged] == [row["one_step"] for row in rows]
+    origin = read_provenance(path)
+    assert origin["command"] == "c"
+    assert origin["iterations"] == 3
+    assert origin["data_sha256"] == data.content_hash
+    assert origin["training_manipulations"] == 30
+
+
+def test_a_run_can_start_from_weights(data, small_config, tmp_path):
+    """A second run goes on from the first one's weights, as with the robot's data (III-B)."""
+    first = train(data, small_config, SHORT, Run(tmp_path / "first", iterations=2))
+    config = dataclasses.replace(SHORT, learning_rate=1e-12, weight_decay=0.0)
+    run = Run(tmp_path / "second", iterations=1, start_from=first)
+    second = train(data, small_config, config, run)
+    one, other = load_net(first).state_dict(), load_net(second).state_dict()
+    for name in one:
+        torch.testing.assert_close(one[name], other[name])
+
+
+def test_a_run_without_an_end_is_refused(data, small_config, tmp_path):
+    """Neither minutes nor iterations: refused."""
+    with pytest.raises(InvalidInputError, match="minutes or iterations"):
+        train(data, small_config, SHORT, Run(tmp_path))
+
+
+def test_baselines_are_what_they_say(data, small_config):
+    """Do nothing, empty and mean grid score as computed from the windows directly."""
+    validator = Validator(data, mean_grid(data), 1, torch.device("cpu"))
+    scores = validator.scores(EmdNet(small_config))
+    windows = data.windows(data.window_starts(1), 1)
+    before, after = windows.grids[:, 0].float(), windows.grids[:, 1].float()
+    assert scores.do_nothing == pytest.approx(float((before - after).square().mean()))
+    assert scores.empty == pytest.approx(float(after.mean()))
+    states = torch.cat([data.windows(data.window_starts(3), 3).grids.flatten(0, 1)]).float()
+    mean = states.mean(0)
+    assert scores.mean == pytest.approx(float((after - mean).square().mean()), rel=1e-4)
+    assert validator.scores(EmdNet(small_config)) == scores
+
+
+def test_learning_rate_rises_and_falls():
+    """Warm-up from near 0 to the peak, then down to the final share."""
+    config = TrainingConfig(warm_up_share=0.1, final_learning_rate_share=0.05)
+    shares = [learning_rate_share(progress / 100, config) for progress in range(101)]
+    assert shares[10] == pytest.approx(1.0)
+    assert shares[:11] == sorted(shares[:11])
+    assert shares[10:] == sorted(shares[10:], reverse=True)
+    assert shares[-1] == pytest.approx(0.05)
+
+
+def test_command_line_trains_and_reports_errors(shard_directory, tmp_path, monkeypatch, capsys):
+    """The script trains with its options, and answers bad data with an error and status 1."""
+    small = {"map_counts": (1, 2, 2, 2, 2, 2, 4), "hidden_size": 4}
+    from emd_planner.config import EmdNetConfig
+
+    monkeypatch.setattr("emd_planner.train.EmdNetConfig", lambda: EmdNetConfig(**small))
+    out = tmp_path / "out"
+    options = ["--out", str(out), "--iterations", "2", "--batch-size", "4", "--device", "cpu"]
+    assert main(["--data", str(shard_directory), *options]) == 0
+    assert read_provenance(out / "emd_net.safetensors")["iterations"] == 2
+    assert main(["--data", str(tmp_path / "absent"), *options]) == 1
+    assert "found none" in capsys.readouterr().out
+
+
+def test_paper_recipe_is_that_of_the_paper():
+    """Batches of 16 single manipulations, eta 1e-5, no averaging."""
+    paper = RECIPES["paper"]
+    assert (paper.recipe, paper.batch_size, paper.rollout_steps) == ("manhattan", 16, 1)
+    assert paper.learning_rate == 1e-5
+    assert paper.augmentation == AugmentationConfig()
