@@ -44,7 +44,8 @@ def convex_hull(mask: Mask) -> Mask:
     """The convex hull of a mask's pixels; empty if the mask is."""
     hull = np.zeros(mask.shape, dtype=np.uint8)
     if mask.any():
-        points = cv2.findNonZero(mask.astype(np.uint8))
+        # Only the outline's pixels can be corners; the inner ones would cost 8 ms.
+        points = cv2.findNonZero((mask & ~erode(mask, 3)).astype(np.uint8))
         cv2.fillConvexPoly(hull, cv2.convexHull(points), (1,))
     return hull.astype(np.bool_)
 

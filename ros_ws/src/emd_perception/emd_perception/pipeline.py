@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from emd_core.frames import FieldOfView, FloatArray
 from emd_core.pinhole_camera import PinholeCamera
@@ -15,8 +14,9 @@ from emd_perception.config import PerceptionConfig
 from emd_perception.depth_image import check_images
 from emd_perception.depth_to_voxel import ClothPoints, cloth_points, voxelise_cloth
 from emd_perception.fusion import FusedFrame, fuse_frames
-from emd_perception.image_types import ColourImage, Mask
+from emd_perception.image_types import ColourImage, DepthImage, Mask
 from emd_perception.open3d_library import load_open3d
+from emd_perception.perception import Perception
 from emd_perception.quality import Judgement, combine, good
 from emd_perception.region import field_of_view_region, observed_region, pixel_area_on_table
 from emd_perception.segmentation import Segmentation, segment_cloth
@@ -31,44 +31,33 @@ _POINT_SPACING = 0.25
 
 
 @dataclass(frozen=True)
-class Perception:
-    """What was seen of the cloth.
+class _View:
+    """From where and how the cloth is seen; None where the caller left the choice."""
 
-    Attributes:
-        mask: The cloth's pixels, shape (H, W).
-        quality: How far to trust it, 0..1.
-        reason: What lowers the quality, worst first; "cloth found" if nothing does.
-        table_plane: Measured table, shape (4,): a, b, c, d in the camera optical frame, metres;
-            unit normal towards the camera.
-        transform_camera_to_table: Shape (4, 4), metres; z = 0 is the measured table.
-        points_in_table: The cloth's surface, averaged and cleaned, shape (N, 3), metres.
-        colours: Colours of these points, shape (N, 3), RGB uint8.
-        voxel_grid: The cloth's state for the network.
-        cloth_area: Square metres on the table.
-        motion_share: Share of the region that moved between the frames, 0..1.
-        notes: Choices that were made for want of better knowledge.
-        milliseconds: Time of each stage, and of all as `total`.
-        image: The colour image that all this refers to (the mean of several frames).
-    """
+    camera: PinholeCamera
+    transform_camera_to_table: FloatArray | None
+    config: PerceptionConfig
+    chosen_field_of_view: FieldOfView | None
 
-    mask: Mask
-    quality: float
-    reason: str
-    table_plane: FloatArray
-    transform_camera_to_table: FloatArray
-    points_in_table: FloatArray
-    colours: NDArray[np.uint8]
-    voxel_grid: VoxelGrid
-    cloth_area: float
-    motion_share: float
+    @property
+    def field_of_view(self) -> FieldOfView:
+        return self.chosen_field_of_view or FieldOfView()
+
+    @property
+    def may_enlarge(self) -> bool:
+        return self.chosen_field_of_view is None and self.transform_camera_to_table is None
+
+
+@dataclass(frozen=True)
+class _VoxelisedCloth:
+    points: ClothPoints
+    grid: VoxelGrid
     notes: tuple[str, ...]
-    milliseconds: dict[str, float]
-    image: ColourImage = field(repr=False)
 
 
 def perceive(
     colour: ColourImage,
-    depth: NDArray[np.float32],
+    depth: DepthImage,
     camera: PinholeCamera,
     transform_camera_to_table: FloatArray | None = None,
     config: PerceptionConfig | None = None,
@@ -82,7 +71,7 @@ def perceive(
 
 def perceive_frames(
     colours: Sequence[ColourImage],
-    depths: Sequence[NDArray[np.float32]],
+    depths: Sequence[DepthImage],
     camera: PinholeCamera,
     transform_camera_to_table: FloatArray | None = None,
     config: PerceptionConfig | None = None,
@@ -108,109 +97,94 @@ def perceive_frames(
         InvalidInputError: If the images do not have the forms wanted or do not fit together.
         NoClothError: If nothing in view can be cloth.
     """
-    settings = config or PerceptionConfig()
     for colour, depth in zip(colours, depths, strict=False):
         check_images(colour, depth, camera)
     if transform_camera_to_table is not None:
         check_transform(transform_camera_to_table)
     load_open3d()  # once a process; its second is no part of perception
+    settings = config or PerceptionConfig()
+    view = _View(camera, transform_camera_to_table, settings, field_of_view)
     clock = Stopwatch()
     with clock.stage("fusion"):
         frame = fuse_frames(colours, depths, settings.fusion)
+    return _perceive_fused(frame, view, clock)
+
+
+def _perceive_fused(frame: FusedFrame, view: _View, clock: Stopwatch) -> Perception:
+    known_pose, config = view.transform_camera_to_table, view.config
     with clock.stage("plane"):
-        table = find_table(frame.depth, camera, transform_camera_to_table, settings.plane)
+        rough = find_table(frame.depth, view.camera, known_pose, config.plane)
     with clock.stage("segmentation"):
-        region = _region(frame, table, camera, transform_camera_to_table, settings, field_of_view)
-        segmentation = _segment(frame, table, camera, region, settings)
+        region = _region(frame, rough, view)
+        segmentation = _segment(frame, rough, region, view)
     with clock.stage("table_frame"):
-        table_frame = locate_table_frame(
-            frame.depth,
-            table,
-            segmentation.mask,
-            region,
-            camera,
-            transform_camera_to_table,
-            settings.plane,
+        table = locate_table_frame(
+            frame.depth, rough, segmentation.mask, region, view.camera, known_pose, config.plane
         )
     with clock.stage("voxelisation"):
-        wanted = field_of_view or FieldOfView()
-        cloth = cloth_points(
-            frame.colour,
-            frame.depth,
-            segmentation.mask,
-            camera,
-            table_frame.transform_camera_to_table,
-            _POINT_SPACING * float(wanted.resolution[0]),
-            settings.voxel,
-        )
-        may_enlarge = field_of_view is None and transform_camera_to_table is None
-        fitting, notes = _fit_field_of_view(cloth, wanted, may_enlarge)
-        grid = voxelise_cloth(cloth, fitting, settings.voxel)
+        cloth = _voxelise(frame, segmentation.mask, table.transform_camera_to_table, view)
     motion = frame.motion_share(region)
-    quality, reason = combine(
-        [
-            *segmentation.judgements,
-            *table_frame.judgements,
-            *_judge(cloth, fitting, motion, settings),
-        ]
-    )
+    judgements = [*segmentation.judgements, *table.judgements, *_judge(cloth, motion, config)]
+    quality, reason = combine(judgements)
     return Perception(
         mask=segmentation.mask,
         quality=quality,
         reason=reason,
-        table_plane=table_frame.plane.coefficients,
-        transform_camera_to_table=table_frame.transform_camera_to_table,
-        points_in_table=cloth.points_in_table,
-        colours=cloth.colours,
-        voxel_grid=grid,
+        table_plane=table.plane.coefficients,
+        transform_camera_to_table=table.transform_camera_to_table,
+        points_in_table=cloth.points.points_in_table,
+        colours=cloth.points.colours,
+        voxel_grid=cloth.grid,
         cloth_area=segmentation.area,
         motion_share=motion,
-        notes=(*table_frame.notes, *notes),
+        notes=(*table.notes, *cloth.notes),
         milliseconds=clock.milliseconds(),
         image=frame.colour,
     )
 
 
-def _region(
-    frame: FusedFrame,
-    table: TablePlane,
-    camera: PinholeCamera,
-    transform_camera_to_table: FloatArray | None,
-    config: PerceptionConfig,
-    field_of_view: FieldOfView | None,
-) -> Mask:
+def _region(frame: FusedFrame, table: TablePlane, view: _View) -> Mask:
     """Pixels in which cloth is looked for."""
-    height = height_above_plane(frame.depth, table.coefficients, camera)
-    region = observed_region(height)
-    if transform_camera_to_table is not None:
-        region &= field_of_view_region(
-            camera,
-            transform_camera_to_table,
-            field_of_view or FieldOfView(),
-            config.segmentation.region_margin,
-        )
-    return region
+    region = observed_region(height_above_plane(frame.depth, table.coefficients, view.camera))
+    if view.transform_camera_to_table is None:
+        return region
+    return region & field_of_view_region(
+        view.camera,
+        view.transform_camera_to_table,
+        view.field_of_view,
+        view.config.segmentation.region_margin,
+    )
 
 
-def _segment(
-    frame: FusedFrame,
-    table: TablePlane,
-    camera: PinholeCamera,
-    region: Mask,
-    config: PerceptionConfig,
-) -> Segmentation:
-    height = height_above_plane(frame.depth, table.coefficients, camera)
-    area = pixel_area_on_table(camera, table)
-    return segment_cloth(frame.colour, height, area, region, config.segmentation)
+def _segment(frame: FusedFrame, table: TablePlane, region: Mask, view: _View) -> Segmentation:
+    height = height_above_plane(frame.depth, table.coefficients, view.camera)
+    area = pixel_area_on_table(view.camera, table)
+    return segment_cloth(frame.colour, height, area, region, view.config.segmentation)
 
 
-def _fit_field_of_view(
-    cloth: ClothPoints, wanted: FieldOfView, may_enlarge: bool
-) -> tuple[FieldOfView, tuple[str, ...]]:
+def _voxelise(
+    frame: FusedFrame, mask: Mask, transform_camera_to_table: FloatArray, view: _View
+) -> _VoxelisedCloth:
+    points = cloth_points(
+        frame.colour,
+        frame.depth,
+        mask,
+        view.camera,
+        transform_camera_to_table,
+        _POINT_SPACING * float(view.field_of_view.resolution[0]),
+        view.config.voxel,
+    )
+    field_of_view, notes = _fit_field_of_view(points, view)
+    grid = voxelise_cloth(points, field_of_view, view.config.voxel)
+    return _VoxelisedCloth(points, grid, notes)
+
+
+def _fit_field_of_view(cloth: ClothPoints, view: _View) -> tuple[FieldOfView, tuple[str, ...]]:
     """Enlarge the field of view to hold the cloth and a free column around it, if allowed."""
+    wanted = view.field_of_view
     free_share = 1.0 - 2.0 / min(wanted.size[:2])
     needed = float(np.abs(cloth.footprint_in_table).max()) / free_share
-    if not may_enlarge or needed <= wanted.half_extent:
+    if not view.may_enlarge or needed <= wanted.half_extent:
         return wanted, ()
     note = (
         f"the cloth does not fit the field of view of half extent {wanted.half_extent:.3f} m, "
@@ -220,21 +194,21 @@ def _fit_field_of_view(
 
 
 def _judge(
-    cloth: ClothPoints, field_of_view: FieldOfView, motion_share: float, config: PerceptionConfig
+    cloth: _VoxelisedCloth, motion_share: float, config: PerceptionConfig
 ) -> tuple[Judgement, ...]:
-    beyond = (np.abs(cloth.footprint_in_table) > field_of_view.half_extent).any(axis=1).mean()
-    limit = config.fusion.max_motion_share
+    """Judge the depth's completeness, the place of the cloth, and the rest of the scene."""
+    known = cloth.points.known_share
+    half = cloth.grid.field_of_view.half_extent
+    beyond = float((np.abs(cloth.points.footprint_in_table) > half).any(axis=1).mean())
+    still = motion_share <= config.fusion.max_motion_share
     return (
+        Judgement(good(known, 0.2, 0.6), f"only {known:.0%} of the cloth's pixels have a depth"),
         Judgement(
-            good(cloth.known_share, 0.2, 0.6),
-            f"only {cloth.known_share:.0%} of the cloth's pixels have a depth",
-        ),
-        Judgement(
-            good(float(beyond), 0.5, 0.02),
+            good(beyond, 0.5, 0.02),
             f"{beyond:.0%} of the cloth lies outside the field of view, where the grid wraps",
         ),
         Judgement(
-            1.0 if motion_share <= limit else 0.2,
+            1.0 if still else 0.2,
             f"{motion_share:.0%} of the view moved between the frames; wait until it rests",
         ),
     )
