@@ -1,0 +1,1 @@
+"""Cloth on a desk: small-step XPBD with self-contact, manipulations, replay, data generation."""

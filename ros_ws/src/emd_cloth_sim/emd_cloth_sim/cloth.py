@@ -1,0 +1,315 @@
+"""The simulated cloth: a sheet on the desk, held by up to two hands."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emd_cloth_sim.config import ClothConfig
+from emd_cloth_sim.diagnostics import ClothDiagnostics, diagnose
+from emd_cloth_sim.hand import Hand, check_transform
+from emd_cloth_sim.mesh import build_mesh, flat_positions
+from emd_cloth_sim.xpbd import advance_step
+from emd_core.errors import InvalidInputError
+from emd_core.frames import FloatArray
+
+# Way in metres that the cloth may move before the pairs that can touch are searched again:
+# a longer one means more pairs to look at, a shorter one more searches.
+CONTACT_MARGIN = 0.004
+# Share of the thickness at which edges push each other apart.
+EDGE_THICKNESS = 0.5
+GRID_CELLS = 60_000
+
+
+class Cloth:
+    """A rectangular sheet simulated by small-step XPBD; `emd_core.simulated_cloth.SimulatedCloth`.
+
+    Deterministic: the same calls give bit-identical positions on the same machine.
+    """
+
+    def __init__(self, config: ClothConfig | None = None) -> None:
+        """Lay the cloth flat, centred and axis-parallel on the desk, at rest."""
+        self.config = config or ClothConfig()
+        self.mesh = build_mesh(self.config.vertices, self.config.spacing)
+        self._position = flat_positions(self.config.vertices, self.config.side_lengths)
+        self._position[:, 2] = 0.5 * self.config.thickness
+        self._previous = self._position.copy()
+        self._velocity = np.zeros_like(self._position)
+        self._hands = (Hand(), Hand())
+        self._slow_time = self.config.settle_time
+        self._shortest_spans = self.config.sharpest_fold * self.mesh.span_lengths
+        self._contact_values = self._contact_constants()
+        self._contact_state = np.array([-1.0, 0.0, 0.0])
+        self._broad = _broad_phase(len(self.mesh.triangles))
+        self._edge_broad = _broad_phase(len(self.mesh.edges))
+        self._triangle_boxes = np.empty((len(self.mesh.triangles), 6))
+        self._edge_boxes = np.empty((len(self.mesh.edges), 6))
+        self._candidates = _candidate_lists(16 * len(self._position))
+        self._edge_candidates = _candidate_lists(32 * len(self._position))
+        self._kept_sides = (np.empty(512, np.int32), np.empty(512, np.int32), np.empty(512))
+
+    @classmethod
+    def from_positions(
+        cls, positions_in_table: FloatArray, config: ClothConfig | None = None
+    ) -> Cloth:
+        """Start at rest from mid-surface positions, shape (V, 3), metres; the rest shape is flat.
+
+        Vertex (i, j) of the mesh has the index i * vertices[1] + j.
+
+        Raises:
+            InvalidInputError: If the shape does not fit the config or a value is not finite.
+        """
+        cloth = cls(config)
+        positions = np.array(positions_in_table, dtype=np.float64)
+        if positions.shape != cloth._position.shape:
+            raise InvalidInputError(
+                f"positions must have shape {cloth._position.shape} for a mesh of "
+                f"{cloth.config.vertices} vertices, got {positions.shape}"
+            )
+        if not np.isfinite(positions).all():
+            raise InvalidInputError("positions must be finite, got NaN or infinity")
+        cloth._position[:] = positions
+        cloth._previous[:] = positions
+        cloth._slow_time = 0.0
+        return cloth
+
+    @property
+    def positions_in_table(self) -> FloatArray:
+        """Vertices of the mid-surface, shape (V, 3), metres, table frame; a copy."""
+        return self._position.copy()
+
+    @property
+    def top_surface_in_table(self) -> FloatArray:
+        """What a camera sees: the mid-surface raised by half the thickness, (V, 3), metres."""
+        return self._position + np.array([0.0, 0.0, 0.5 * self.config.thickness])
+
+    @property
+    def velocities(self) -> FloatArray:
+        """Velocities of the vertices, shape (V, 3), m/s; a copy."""
+        return self._velocity.copy()
+
+    @property
+    def max_speed(self) -> float:
+        """Speed of the fastest vertex, m/s."""
+        return float(np.sqrt((self._velocity**2).sum(axis=1).max()))
+
+    @property
+    def triangles(self) -> NDArray[np.int32]:
+        """Vertex indices, shape (T, 3), counter-clockwise seen from the cloth's upper side."""
+        return self.mesh.triangles.copy()
+
+    @property
+    def thickness(self) -> float:
+        """Distance that two layers keep, metres."""
+        return self.config.thickness
+
+    @property
+    def settled(self) -> bool:
+        """Whether nothing has moved noticeably for a while."""
+        return self._slow_time >= self.config.settle_time - 1e-9
+
+    def held_count(self, hand: int) -> int:
+        """How many vertices a hand holds."""
+        return len(self._hand(hand).held)
+
+    def grasp(self, hand: int, transform_tool_to_table: FloatArray) -> int:
+        """Close a hand: it takes all layers around its tool frame's origin that are free.
+
+        Args:
+            hand: 0 or 1; what it held before is released.
+            transform_tool_to_table: 4 x 4 tool frame.
+
+        Returns:
+            How many vertices it holds; 0 if it missed.
+
+        Raises:
+            InvalidInputError: If the hand or the transform is not valid.
+        """
+        transform = check_transform(transform_tool_to_table)
+        self.release(hand)
+        offset = self._position - transform[:3, 3]
+        near = np.hypot(offset[:, 0], offset[:, 1]) <= self.config.effective_grasp_radius
+        near &= np.abs(offset[:, 2]) <= self.config.grasp_height_tolerance
+        near[self._hands[1 - hand].held] = False
+        held = np.flatnonzero(near).astype(np.int32)
+        self._hands[hand].close(transform, held, self._position)
+        if len(held):
+            self._slow_time = 0.0
+        return len(held)
+
+    def move_hand(self, hand: int, transform_tool_to_table: FloatArray) -> None:
+        """Say where the hand will be at the end of the next `advance`.
+
+        Raises:
+            InvalidInputError: If the hand or the transform is not valid.
+        """
+        self._hand(hand).target = check_transform(transform_tool_to_table)
+
+    def release(self, hand: int) -> None:
+        """Open a hand; what it held falls.
+
+        Raises:
+            InvalidInputError: If the hand is not 0 or 1.
+        """
+        if len(self._hand(hand).held):
+            self._slow_time = 0.0
+        self._hand(hand).open()
+
+    def advance(self, duration: float) -> None:
+        """Simulate `duration` seconds, carrying what the hands hold along their motion.
+
+        Costs next to nothing while the cloth rests and no hand holds it.
+
+        Raises:
+            InvalidInputError: If the duration is not positive and finite.
+        """
+        if not math.isfinite(duration) or duration <= 0.0:
+            raise InvalidInputError(f"duration must be a positive time, got {duration}")
+        holding = any(len(hand.held) for hand in self._hands)
+        if holding or not self.settled:
+            steps = max(1, math.ceil(duration / self.config.step - 1e-6))
+            for step in range(steps):
+                self._advance_step(duration / steps, step / steps, (step + 1) / steps)
+                self._note_speed(duration / steps)
+                if self.settled and not holding:
+                    break
+        for hand in self._hands:
+            hand.current = hand.target
+
+    def check(self, raise_on_failure: bool = False) -> ClothDiagnostics:
+        """Examine whether the present state can be believed.
+
+        Raises:
+            SimulationError: If asked to and it cannot.
+        """
+        result = diagnose(self._position, self.mesh, self.config.thickness)
+        if raise_on_failure:
+            result.raise_on_failure()
+        return result
+
+    def _hand(self, hand: int) -> Hand:
+        if hand not in (0, 1):
+            raise InvalidInputError(f"a hand must be 0 or 1, got {hand}")
+        return self._hands[hand]
+
+    def _note_speed(self, duration: float) -> None:
+        slow = self.max_speed < self.config.settle_speed
+        self._slow_time = self._slow_time + duration if slow else 0.0
+        if self.settled and not any(len(hand.held) for hand in self._hands):
+            self._velocity[:] = 0.0
+
+    def _advance_step(self, duration: float, start: float, end: float) -> None:
+        config = self.config
+        substeps = config.mesh_substeps
+        substep = duration / substeps
+        held, held_start, held_end, reach = self._held(start, end, substep)
+        first = 0
+        while True:
+            first = advance_step(
+                self._position,
+                self._previous,
+                self._velocity,
+                self.mesh.edges,
+                self.mesh.edge_lengths,
+                self.mesh.right_angles,
+                math.sqrt(config.spacing[0] * config.spacing[1]),
+                self.mesh.spans,
+                self._shortest_spans,
+                self.mesh.triples,
+                self._scaled_compliances(substep),
+                np.array(config.gravity),
+                config.damping,
+                config.max_speed,
+                substep,
+                first,
+                substeps,
+                held,
+                held_start,
+                held_end,
+                reach,
+                self.mesh.triangles,
+                self._broad,
+                self._triangle_boxes,
+                self._candidates,
+                self._kept_sides,
+                self._edge_broad,
+                self._edge_boxes,
+                self._edge_candidates,
+                self._contact_values,
+                self._contact_state,
+            )
+            if first == substeps:
+                return
+            self._candidates = _candidate_lists(2 * len(self._candidates[0]))
+            self._edge_candidates = _candidate_lists(2 * len(self._edge_candidates[0]))
+
+    def _held(
+        self, start: float, end: float, substep: float
+    ) -> tuple[NDArray[np.int32], FloatArray, FloatArray, FloatArray]:
+        """Held vertices, their places at the step's start and end, and their reach a substep."""
+        reach = [
+            np.tile(self._reach(len(hand.held), substep), (len(hand.held), 1))
+            for hand in self._hands
+        ]
+        return (
+            np.concatenate([hand.held for hand in self._hands]),
+            np.concatenate([hand.held_positions(start) for hand in self._hands]),
+            np.concatenate([hand.held_positions(end) for hand in self._hands]),
+            np.concatenate(reach),
+        )
+
+    def _reach(self, held: int, substep: float) -> FloatArray:
+        """Ways that a vertex's share of grip and press force moves it in one substep, metres."""
+        force = np.array([self.config.grip_force, self.config.press_force]) / max(held, 1)
+        return force / self.config.vertex_mass * substep**2
+
+    def _scaled_compliances(self, substep: float) -> FloatArray:
+        """Compliances of stretch, shear and bending times vertex mass over squared substep."""
+        config = self.config
+        area = config.spacing[0] * config.spacing[1]
+        bending = area / config.bending_rigidity if config.bending_rigidity > 0 else np.inf
+        # A triangle stores half of the shear energy of its cell.
+        shear = 2.0 * config.shear_compliance
+        compliances = np.array([config.stretch_compliance, shear, bending])
+        return compliances * config.vertex_mass / substep**2
+
+    def _contact_constants(self) -> FloatArray:
+        config = self.config
+        # Corners of a right-angled half cell lie within 2/3 of its median from its centre;
+        # the factor allows for a tenth of stretch.
+        radius = 1.1 * 0.5 * 2 / 3 * math.hypot(2 * max(config.spacing), max(config.spacing))
+        return np.array(
+            [
+                config.thickness,
+                CONTACT_MARGIN,
+                radius,
+                config.cloth_friction,
+                config.desk_friction,
+                EDGE_THICKNESS * config.thickness * config.edge_contact,
+                1.15 * max(config.spacing),
+            ]
+        )
+
+
+def _broad_phase(
+    count: int,
+) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    return (
+        np.empty((count, 3)),
+        np.empty(count, np.int64),
+        np.empty(count, np.int64),
+        np.empty(GRID_CELLS, np.int64),
+    )
+
+
+def _candidate_lists(
+    size: int,
+) -> tuple[NDArray[np.int32], NDArray[np.int32], FloatArray, FloatArray]:
+    return (
+        np.empty(size, np.int32),
+        np.empty(size, np.int32),
+        np.empty(size),
+        np.empty(size),
+    )

@@ -1,0 +1,200 @@
+"""What the simulated cloth is made of, and how hands without a robot move it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from emd_core.errors import InvalidInputError
+
+
+@dataclass(frozen=True)
+class ClothConfig:
+    """A rectangular sheet and the constants of its simulation, SI units.
+
+    Stiffnesses are those of the continuous sheet, so they do not depend on the mesh. What does
+    depend on it is said at `substeps` and `effective_grasp_radius`.
+
+    Attributes:
+        side_lengths: Extent along x and y of the flat sheet, metres.
+        vertices: Mesh vertices along x and y, at least 5 each.
+        thickness: Distance that two layers keep, metres. At most 0.6 of the vertex spacing, as
+            neighbouring vertices would push each other apart otherwise.
+        areal_density: kg/m^2. A cotton hand towel has 0.3 to 0.5.
+        stretch_compliance: Inverse of the membrane stiffness, m/N.
+        shear_compliance: Inverse of the shear stiffness of the weave, m/N. Cotton: 0.01 to 0.1.
+        bending_rigidity: N m. Cotton: 0.3e-5 to 5e-5.
+        sharpest_fold: How near a fold brings vertices that are two edges or a diagonal apart, as a
+            share of their distance on the flat sheet. Sharper folds would pierce themselves.
+        desk_friction: Coulomb coefficient between cloth and desk. Below about 0.5 a folded cloth
+            slides as a whole rather than folding.
+        cloth_friction: Coulomb coefficient between two layers.
+        damping: Rate at which air takes velocity away, 1/s.
+        gravity: Acceleration in the table frame, m/s^2.
+        max_speed: Cap on the speed of a vertex, m/s. With `step` and `substeps` it must keep the
+            way of one substep below half a thickness, or layers could jump through each other.
+        step: Longest time step between two updates of the hands, seconds.
+        substeps: Solver substeps a `step` of a mesh with 41 vertices a side. Stretch under a
+            given load grows with (vertices / substeps)^2, so finer meshes get more, in
+            proportion; never fewer than this.
+        grasp_radius: Horizontal reach of a closing hand, metres; 0.025 normalised, 0.0071 m, in the
+            authors' generator.
+        grasp_height_tolerance: Vertical reach up and down: generous, so that a hand takes all
+            layers at its spot (paper, IV-B).
+        grip_force: Force at which cloth slips after its hand instead of being torn, N.
+        press_force: The same downwards: fingertips cannot push slack cloth into a pile, N.
+        edge_contact: Whether edges collide with edges too, not only vertices with triangles. It
+            halves the rate of small crossings in crumpled piles and doubles the cost.
+        settle_speed: The cloth rests when no vertex is faster than this, m/s.
+        settle_time: For how long it must be so, seconds.
+    """
+
+    side_lengths: tuple[float, float] = (0.40, 0.40)
+    vertices: tuple[int, int] = (41, 41)
+    thickness: float = 0.003
+    areal_density: float = 0.35
+    stretch_compliance: float = 1e-3
+    shear_compliance: float = 3e-2
+    bending_rigidity: float = 6e-6
+    sharpest_fold: float = 0.4
+    desk_friction: float = 1.0
+    cloth_friction: float = 0.4
+    damping: float = 5.0
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    max_speed: float = 2.5
+    step: float = 1.0 / 240.0
+    substeps: int = 12
+    grasp_radius: float = 0.0075
+    grasp_height_tolerance: float = 0.05
+    grip_force: float = 0.8
+    press_force: float = 0.02
+    edge_contact: bool = False
+    settle_speed: float = 0.03
+    settle_time: float = 0.05
+
+    def __post_init__(self) -> None:
+        """Check the ranges.
+
+        Raises:
+            InvalidInputError: If a value is out of its range, or values do not fit each other.
+        """
+        _check_positive(self, *_POSITIVE)
+        _check_not_negative(self, *_NOT_NEGATIVE)
+        if len(self.side_lengths) != 2 or min(self.side_lengths) <= 0:
+            raise InvalidInputError(f"side_lengths must be two lengths, got {self.side_lengths}")
+        if len(self.vertices) != 2 or min(self.vertices) < 5:
+            raise InvalidInputError(f"vertices must be two counts >= 5, got {self.vertices}")
+        if len(self.gravity) != 3 or not np.isfinite(self.gravity).all():
+            raise InvalidInputError(f"gravity must be three finite values, got {self.gravity}")
+        if self.substeps < 1:
+            raise InvalidInputError(f"substeps must be at least 1, got {self.substeps}")
+        if self.thickness > 0.6 * min(self.spacing):
+            raise InvalidInputError(
+                f"thickness {self.thickness} m must be at most 0.6 of the vertex spacing "
+                f"{min(self.spacing):.4f} m; use fewer vertices or a thinner cloth"
+            )
+        if self.max_speed * self.step / self.mesh_substeps > 0.5 * self.thickness:
+            raise InvalidInputError(
+                f"a vertex at max_speed {self.max_speed} m/s passes more than half the thickness "
+                f"{self.thickness} m in one substep; use more substeps or a lower max_speed"
+            )
+
+    @property
+    def spacing(self) -> tuple[float, float]:
+        """Distance of neighbouring vertices along x and y, metres."""
+        return (
+            self.side_lengths[0] / (self.vertices[0] - 1),
+            self.side_lengths[1] / (self.vertices[1] - 1),
+        )
+
+    @property
+    def vertex_mass(self) -> float:
+        """Mass of one vertex, kg."""
+        area = self.side_lengths[0] * self.side_lengths[1]
+        return self.areal_density * area / (self.vertices[0] * self.vertices[1])
+
+    @property
+    def mesh_substeps(self) -> int:
+        """Substeps a step for this mesh: `substeps` up to 41 vertices a side, more above."""
+        return max(self.substeps, round(self.substeps * (max(self.vertices) - 1) / 40))
+
+    @property
+    def effective_grasp_radius(self) -> float:
+        """Horizontal reach of a hand, metres.
+
+        At least 0.75 of the vertex spacing, so that a hand closing anywhere on the cloth meets a
+        vertex however coarse the mesh is.
+        """
+        return max(self.grasp_radius, 0.75 * max(self.spacing))
+
+
+@dataclass(frozen=True)
+class HandPathConfig:
+    """How hands carry cloth when no robot is simulated.
+
+    Attributes:
+        lift_height: Highest rise of the arc over the straight line, metres. The authors'
+            generator lifts by 0.25 normalised, 0.071 m.
+        rise_ratio: Highest rise as a share of the displacement. At most 0.5, so that the hand
+            stays in reach of the crease and does not drag the layer below.
+        hand_speed: Peak speed along the displacement, m/s.
+        min_duration: Shortest carry, seconds.
+        release_clearance: Height over the pile at which the hands open, metres.
+        settle_time_limit: Longest wait for the cloth to rest after the release, seconds.
+    """
+
+    lift_height: float = 0.07
+    rise_ratio: float = 0.5
+    hand_speed: float = 0.6
+    min_duration: float = 0.15
+    release_clearance: float = 0.001
+    settle_time_limit: float = 2.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges.
+
+        Raises:
+            InvalidInputError: If a value is out of its range.
+        """
+        _check_positive(self, "lift_height", "hand_speed", "min_duration")
+        _check_not_negative(self, "release_clearance", "settle_time_limit")
+        if not 0 < self.rise_ratio <= 0.5:
+            raise InvalidInputError(f"rise_ratio must be in (0, 0.5], got {self.rise_ratio}")
+
+
+_POSITIVE = (
+    "thickness",
+    "areal_density",
+    "max_speed",
+    "step",
+    "grasp_radius",
+    "grasp_height_tolerance",
+    "grip_force",
+    "press_force",
+    "settle_speed",
+    "settle_time",
+)
+_NOT_NEGATIVE = (
+    "stretch_compliance",
+    "shear_compliance",
+    "sharpest_fold",
+    "bending_rigidity",
+    "desk_friction",
+    "cloth_friction",
+    "damping",
+)
+
+
+def _check_positive(config: object, *names: str) -> None:
+    for name in names:
+        value = getattr(config, name)
+        if not np.isfinite(value) or value <= 0:
+            raise InvalidInputError(f"{name} must be positive and finite, got {value}")
+
+
+def _check_not_negative(config: object, *names: str) -> None:
+    for name in names:
+        value = getattr(config, name)
+        if not np.isfinite(value) or value < 0:
+            raise InvalidInputError(f"{name} must be finite and not negative, got {value}")
