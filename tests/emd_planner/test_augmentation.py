@@ -6,16 +6,20 @@ import numpy as np
 import pytest
 import torch
 
+from emd_core.errors import InvalidInputError
 from emd_planner.augmentation import (
     SYMMETRIES,
     augment,
+    delay,
+    failing_steps,
     fill_unused,
-    insert_failures,
     outside_cloth,
     random_points_outside,
     transform,
 )
 from emd_planner.config import AugmentationConfig
+from emd_planner.dataset import Windows
+from emd_planner.rasterise import rasterise
 from emd_planner.silhouette import columns_of, dilate, silhouettes
 
 
@@ -68,7 +72,8 @@ def test_symmetries_are_the_eight_of_the_square():
 def test_failed_grasp_leaves_a_copy_of_the_initial_state(example):
     """A failing step grasps nothing, keeps its displacement and changes nothing."""
     _, grids, manipulations = example
-    failed, changed = insert_failures(grids, manipulations, 1.0, torch.Generator())
+    position = failing_steps(manipulations, 1.0, torch.Generator())
+    failed, changed = delay(grids, manipulations, position)
     assert torch.equal(failed[0, 1], grids[0, 0])
     assert changed[0, 0, :4].isnan().all()
     assert torch.equal(changed[0, 0, 4:], manipulations[0, 0, 4:])
@@ -78,7 +83,8 @@ def test_failure_in_a_longer_window_delays_what_follows():
     """After a failed step the window goes on as recorded, one step later."""
     grids = torch.arange(4).view(1, 4, 1, 1, 1).expand(60, 4, 32, 32, 16)
     manipulations = torch.arange(3.0).view(1, 3, 1).expand(60, 3, 6)
-    failed, changed = insert_failures(grids, manipulations, 1.0, torch.Generator().manual_seed(0))
+    position = failing_steps(manipulations, 1.0, torch.Generator().manual_seed(0))
+    failed, changed = delay(grids, manipulations, position)
     seen = set()
     for states, steps in zip(failed[..., 0, 0, 0], changed, strict=True):
         position = int(steps[:, 0].isnan().nonzero()[0])
@@ -126,8 +132,10 @@ def test_augmented_windows_are_complete_and_vary(example):
     _, grids, manipulations = example
     batch = 400
     grids, manipulations = grids.repeat(batch, 1, 1, 1, 1), manipulations.repeat(batch, 1, 1)
-    config = AugmentationConfig(failure_probability=0.25, translation_voxels=4)
-    states, steps = augment(grids, manipulations, config, torch.Generator().manual_seed(1))
+    config = AugmentationConfig(0.0, failure_probability=0.25, translation_voxels=4)
+    states, steps = augment(
+        Windows(grids, manipulations), config, torch.Generator().manual_seed(1)
+    )
     assert states.dtype == torch.bool
     assert steps.isfinite().all()
     assert steps[..., :4].abs().max() <= 1.0
@@ -145,8 +153,10 @@ def test_windows_past_the_end_of_a_sequence_get_an_idle_step_anywhere(example):
     grids = torch.cat([grids, grids[:, 1:]], dim=1).repeat(200, 1, 1, 1, 1)
     idle = torch.full_like(manipulations, torch.nan)
     manipulations = torch.cat([manipulations, idle], dim=1).repeat(200, 1, 1)
-    config = AugmentationConfig(failure_probability=0.0)
-    states, steps = augment(grids, manipulations, config, torch.Generator().manual_seed(1))
+    config = AugmentationConfig(0.0, failure_probability=0.0)
+    states, steps = augment(
+        Windows(grids, manipulations), config, torch.Generator().manual_seed(1)
+    )
     first = (states[:, 0] == states[:, 1]).flatten(1).all(1)
     second = (states[:, 1] == states[:, 2]).flatten(1).all(1)
     assert (first ^ second).all()
@@ -159,9 +169,46 @@ def test_windows_past_the_end_of_a_sequence_get_an_idle_step_anywhere(example):
 def test_augmentation_depends_on_the_seed_alone(example):
     """The same generator state gives the same windows."""
     _, grids, manipulations = example
-    config = AugmentationConfig(translation_voxels=3)
+    config = AugmentationConfig(0.0, translation_voxels=3)
     one, same = (
-        augment(grids, manipulations, config, torch.Generator().manual_seed(7)) for _ in range(2)
+        augment(Windows(grids, manipulations), config, torch.Generator().manual_seed(7))
+        for _ in range(2)
     )
     assert torch.equal(one[0], same[0])
     assert torch.equal(one[1], same[1])
+
+
+def test_cloth_turned_freely_is_still_held_and_carried(example):
+    """At any angle the grasped points stay on the cloth, and the outcome is the one recorded."""
+    states, grids, manipulations = example
+    batch = 200
+    points = torch.from_numpy(np.stack(states)).float()[None].repeat(batch, 1, 1, 1)
+    windows = Windows(grids.repeat(batch, 1, 1, 1, 1), manipulations.repeat(batch, 1, 1), points)
+    config = AugmentationConfig(free_share=1.0, failure_probability=0.0)
+    turned, changed = augment(windows, config, torch.Generator().manual_seed(2))
+    lengths = changed[:, 0, 4:].norm(dim=1)
+    torch.testing.assert_close(lengths, manipulations[0, 0, 4:].norm().expand(batch))
+    angles = torch.atan2(changed[:, 0, 5], changed[:, 0, 4])
+    assert angles.std() > 1.5
+    for hand in (slice(0, 2), slice(2, 4)):
+        # The example's first points are grasped: their columns hold cloth before, and where the
+        # hand lets go the column holds cloth after.
+        assert not outside_cloth(changed[:, 0, hand], silhouettes(turned[:, 0])).any()
+        released = changed[:, 0, hand] + changed[:, 0, 4:]
+        assert not outside_cloth(released, silhouettes(turned[:, 1])).any()
+
+
+def test_free_turns_need_points(example):
+    """Data without vertices cannot be turned freely, and the error says what to do."""
+    _, grids, manipulations = example
+    with pytest.raises(InvalidInputError, match="free_share"):
+        augment(Windows(grids, manipulations), AugmentationConfig(1.0), torch.Generator())
+
+
+def test_rasterised_batches_equal_voxelised_clouds(example, grid_of):
+    """Batches of points give the grids that `voxelise` gives one by one, wrapped and clamped."""
+    generator = np.random.default_rng(3)
+    clouds = generator.uniform([-1.6, -1.6, -0.1], [1.6, 1.6, 0.4], (5, 80, 3))
+    grids = rasterise(torch.from_numpy(clouds), (32, 32, 16), 0.25)
+    for cloud, grid in zip(clouds, grids, strict=True):
+        np.testing.assert_array_equal(grid, grid_of(cloud).occupancy)

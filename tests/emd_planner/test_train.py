@@ -10,14 +10,18 @@ import torch
 
 from emd_core.errors import InvalidInputError
 from emd_planner.config import RECIPES, AugmentationConfig, TrainingConfig
-from emd_planner.dataset import load_sequences
 from emd_planner.emd_net import EmdNet
 from emd_planner.recipe import Losses, learning_rate_share, make_recipe
-from emd_planner.train import Run, main, train
+from emd_planner.sequence_files import load_sequences
+from emd_planner.train import main, train
+from emd_planner.trainer import Run
 from emd_planner.validation import Validator, mean_grid
 from emd_planner.weights import load_net, read_provenance
 
-SHORT = TrainingConfig(batch_size=4, validation_share=0.2, bfloat16=False)
+QUARTER_TURNS = AugmentationConfig(free_share=0.0)
+SHORT = TrainingConfig(
+    batch_size=4, validation_share=0.2, bfloat16=False, augmentation=QUARTER_TURNS
+)
 
 
 @pytest.fixture
@@ -56,7 +60,7 @@ def test_the_papers_recipe_lowers_both_losses(data, small_config):
 @pytest.mark.parametrize("recipe", ["default", "paper"])
 def test_an_interrupted_run_ends_with_the_same_weights(data, small_config, tmp_path, recipe):
     """A run stopped after 3 of 6 batches and started again equals one without a break."""
-    config = dataclasses.replace(RECIPES[recipe], batch_size=4, validation_share=0.2)
+    config = dataclasses.replace(RECIPES[recipe], batch_size=4, augmentation=QUARTER_TURNS)
     whole = Run(tmp_path / "whole", iterations=6, seed=2)
     broken = Run(tmp_path / "broken", iterations=6, seed=2)
     reference = train(data, small_config, config, whole)
@@ -156,6 +160,7 @@ def test_command_line_trains_and_reports_errors(shard_directory, tmp_path, monke
     monkeypatch.setattr("emd_planner.train.EmdNetConfig", lambda: EmdNetConfig(**small))
     out = tmp_path / "out"
     options = ["--out", str(out), "--iterations", "2", "--batch-size", "4", "--device", "cpu"]
+    options += ["--free-share", "0"]
     assert main(["--data", str(shard_directory), *options]) == 0
     assert read_provenance(out / "emd_net.safetensors")["iterations"] == 2
     assert main(["--data", str(tmp_path / "absent"), *options]) == 1

@@ -1,7 +1,8 @@
 """Random changes to training examples that keep them true (paper, III-B), on whole batches.
 
 Grids have axes (..., X, Y, Z) of the table frame, so quarter turns, mirrorings and shifts by whole
-voxels move columns and leave their contents alone: they are exact.
+voxels move columns and leave their contents alone: they are exact. Other angles and shifts are
+done on the points of the cloth, which are then rasterised anew.
 """
 
 from __future__ import annotations
@@ -9,7 +10,10 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from emd_core.errors import InvalidInputError
 from emd_planner.config import AugmentationConfig
+from emd_planner.dataset import Windows
+from emd_planner.rasterise import rasterise
 from emd_planner.silhouette import columns_of, dilate, silhouettes
 
 # Quarter turns about z and their products with the mirroring of y.
@@ -28,31 +32,47 @@ SYMMETRIES = torch.tensor(
 
 
 def augment(
-    grids: Tensor, manipulations: Tensor, config: AugmentationConfig, generator: torch.Generator
+    windows: Windows, config: AugmentationConfig, generator: torch.Generator, height: float = 0.25
 ) -> tuple[Tensor, Tensor]:
     """Apply all configured changes and fill the unused points.
 
     Args:
-        grids: Boolean, shape (B, n+1, X, Y, Z) with X = Y.
-        manipulations: Shape (B, n, 6), NaN points for unused hands, all NaN where nothing is done.
+        windows: Examples, with the points of the cloth if some are to be turned freely.
         config: Which changes.
         generator: On the CPU.
+        height: Of the field of view, normalised.
 
     Returns:
-        Both, in the same shapes, without NaN.
+        Grids, boolean, shape (B, n+1, X, Y, Z), and manipulations (B, n, 6) without NaN.
+
+    Raises:
+        InvalidInputError: If free turns are configured and the points are not known.
     """
-    grids, manipulations = _delay(
-        grids, manipulations, spread_idle_steps(manipulations, generator)
+    grids, points = windows.grids, windows.points
+    delays = [spread_idle_steps(windows.manipulations, generator)]
+    delays.append(failing_steps(windows.manipulations, config.failure_probability, generator))
+    states, manipulations = (
+        torch.arange(grids.shape[1]).expand(grids.shape[:2]),
+        windows.manipulations,
     )
-    grids, manipulations = insert_failures(
-        grids, manipulations, config.failure_probability, generator
-    )
-    grids, manipulations = transform(
-        grids, manipulations, *_random_motions(len(grids), grids.shape[2], config, generator)
-    )
-    manipulations = fill_unused(
-        grids[:, :-1], manipulations, generator, config.outside_margin_voxels
-    )
+    for position in delays:
+        states, manipulations = delay(states, manipulations, position)
+    rows = torch.arange(len(grids))[:, None]
+    grids = grids[rows, states]
+    symmetries, shifts = _random_motions(len(grids), grids.shape[2], config, generator)
+    grids, changed = transform(grids, manipulations, symmetries, shifts)
+    free = torch.rand(len(grids), generator=generator) < config.free_share
+    if free.any():
+        if points is None:
+            raise InvalidInputError(
+                "turning the cloth freely needs data with `states`; give data with vertices, or "
+                "set free_share to 0"
+            )
+        chosen = points[rows, states][free]
+        changed[free], grids[free] = _turn_freely(
+            manipulations[free], chosen, grids.shape[2:], height, config, generator
+        )
+    manipulations = fill_unused(grids[:, :-1], changed, generator, config.outside_margin_voxels)
     if config.swap_grasps:
         swap = torch.rand(manipulations.shape[:2], generator=generator) < 0.5
         manipulations = torch.where(
@@ -84,27 +104,22 @@ def transform(
     columns = grids.flatten(2, 3)
     index = flat[:, None, :, None].expand(columns.shape)
     moved = columns.gather(2, index).view(grids.shape)
-    vectors = manipulations.unflatten(2, (3, 2)) @ symmetries.mT[:, None].to(manipulations.dtype)
-    vectors[:, :, :2] += (2.0 / count) * shifts[:, None, None]
-    vectors[:, :, :2] = (vectors[:, :, :2] + 1.0) % 2.0 - 1.0
-    return moved, vectors.flatten(2)
+    return moved, move_vectors(manipulations, symmetries, (2.0 / count) * shifts)
 
 
-def insert_failures(
-    grids: Tensor, manipulations: Tensor, probability: float, generator: torch.Generator
-) -> tuple[Tensor, Tensor]:
-    """Let a random step of some windows fail to grasp: its outcome is a copy of its initial state.
+def failing_steps(manipulations: Tensor, probability: float, generator: torch.Generator) -> Tensor:
+    """Choose the step of some windows at which both hands miss the cloth (III-B).
 
-    The displacement of the step stays, its points become unused, and what follows moves one step
-    later, so that a window of several steps stays true (for one step this is the paper's III-B).
     Windows that have a step without grasp points already are left alone.
+
+    Returns:
+        For `delay`: shape (B,), the window's length where nothing fails.
     """
     batch, steps = manipulations.shape[:2]
     failing = torch.rand(batch, generator=generator) < probability
     failing &= ~manipulations[..., :4].isnan().all(-1).any(1)
     position = torch.randint(steps, (batch,), generator=generator)
-    position = torch.where(failing, position, steps)
-    return _delay(grids, manipulations, position)
+    return torch.where(failing, position, steps)
 
 
 def spread_idle_steps(manipulations: Tensor, generator: torch.Generator) -> Tensor:
@@ -181,18 +196,60 @@ def outside_cloth(points: Tensor, silhouette: Tensor) -> Tensor:
     return ~silhouette.flatten(-2).gather(-1, flat[..., None]).squeeze(-1)
 
 
-def _delay(grids: Tensor, manipulations: Tensor, position: Tensor) -> tuple[Tensor, Tensor]:
-    """Insert a step without effect at `position` (B,); one past the last step changes nothing."""
+def delay(states: Tensor, manipulations: Tensor, position: Tensor) -> tuple[Tensor, Tensor]:
+    """Insert a step at which the hands grasp nothing: its outcome is a copy of its initial state.
+
+    The displacement of the step that would have been there stays, its points become unused, and
+    what follows moves one step later (the last step drops out), so that a window of several steps
+    stays true. For windows of one step this is the paper's failure to grasp (III-B).
+
+    Args:
+        states: Shape (B, n+1, ...): grids, points or indices of states.
+        manipulations: Shape (B, n, 6).
+        position: Of the new step, shape (B,); n changes nothing.
+    """
     steps = manipulations.shape[1]
     state = torch.arange(steps + 1)[None]
     state = torch.where(state > position[:, None], state - 1, state)
     step = torch.arange(steps)[None]
     source = torch.where(step > position[:, None], step - 1, step)
-    rows = torch.arange(len(grids))[:, None]
+    rows = torch.arange(len(states))[:, None]
     delayed = manipulations[rows, source]
     fails = step == position[:, None]
     delayed[..., :4] = torch.where(fails[..., None], torch.nan, delayed[..., :4])
-    return grids[rows, state], delayed
+    return states[rows, state], delayed
+
+
+def move_vectors(manipulations: Tensor, matrices: Tensor, offsets: Tensor) -> Tensor:
+    """Turn points and displacements by matrices (B, 2, 2) and shift points by offsets (B, 2).
+
+    Points are wrapped into [-1, 1).
+    """
+    vectors = manipulations.unflatten(2, (3, 2)) @ matrices.mT[:, None].to(manipulations.dtype)
+    vectors[:, :, :2] += offsets[:, None, None]
+    vectors[:, :, :2] = (vectors[:, :, :2] + 1.0) % 2.0 - 1.0
+    return vectors.flatten(2)
+
+
+def _turn_freely(
+    manipulations: Tensor,
+    points: Tensor,
+    size: torch.Size,
+    height: float,
+    config: AugmentationConfig,
+    generator: torch.Generator,
+) -> tuple[Tensor, Tensor]:
+    """Turn points and hands by any angle, mirror, shift by any length, and rasterise anew."""
+    batch = len(points)
+    angles = 2.0 * torch.pi * torch.rand(batch, generator=generator)
+    cosines, sines = angles.cos(), angles.sin()
+    signs = 1.0 - 2.0 * torch.randint(2, (batch,), generator=generator) * config.mirror
+    matrices = torch.stack([cosines, -sines * signs, sines, cosines * signs], 1).view(-1, 2, 2)
+    offsets = config.free_shift * (2.0 * torch.rand((batch, 2), generator=generator) - 1.0)
+    xy = points[..., :2] @ matrices.mT[:, None] + offsets[:, None, None]
+    moved = torch.cat([xy, points[..., 2:]], dim=-1)
+    grids = rasterise(moved.flatten(0, 1), (size[0], size[1], size[2]), height)
+    return move_vectors(manipulations, matrices, offsets), grids.unflatten(0, points.shape[:2])
 
 
 def _random_motions(

@@ -92,7 +92,10 @@ class AugmentationConfig:
     """Random changes to training examples that keep them true (paper, III-B).
 
     Attributes:
-        rotate: Turn by a random multiple of 90 degrees; other angles are not exact on a grid.
+        free_share: Share of windows that are turned by any angle and shifted by up to
+            `free_shift`; this takes the points of the cloth, so the data must hold them.
+        free_shift: Largest shift of these windows along x and y, normalised (ours).
+        rotate: Turn the others by a random multiple of 90 degrees, which is exact on a grid.
         mirror: Mirror with probability one half.
         swap_grasps: Swap the two grasp points with probability one half.
         failure_probability: Share of windows with a step in which both hands grasp nothing; the
@@ -102,6 +105,8 @@ class AugmentationConfig:
             silhouette where there is room.
     """
 
+    free_share: float = 0.5
+    free_shift: float = 0.1
     rotate: bool = True
     mirror: bool = True
     swap_grasps: bool = True

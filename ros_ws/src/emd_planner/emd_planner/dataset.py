@@ -1,29 +1,15 @@
-"""Cloth sequences for training: states on grids and the manipulations between them (paper, IV-A).
-
-Two kinds of files are read, told apart by their arrays:
-
-- shards `shard_*.npz`: `grids` uint8 (N, L+1, 2048), the bits of boolean (32, 32, 16) grids in
-  C order packed by `numpy.packbits`; `picks` (N, L, 2, 2) normalised, NaN for an unused hand;
-  `moves` (N, L, 2) normalised;
-- files of the paper's authors' generator: `states` (N, L+1, V, 3) normalised vertices, with
-  `picks` and `moves` as above.
-"""
+"""Cloth sequences for training: states and the manipulations between them (paper, IV-A)."""
 
 from __future__ import annotations
 
 import hashlib
-import zipfile
-from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from emd_core.errors import InvalidInputError
-from emd_core.frames import FieldOfView
-from emd_core.voxel_grid import voxelise
 
 
 @dataclass(frozen=True)
@@ -34,10 +20,13 @@ class Windows:
         grids: Boolean, shape (B, n+1, X, Y, Z).
         manipulations: x0 y0 x1 y1 dx dy, shape (B, n, 6), float32, normalised; a NaN point: hand
             not used; both points and the displacement NaN: nothing was done and nothing changed.
+        points: Normalised points of the cloth that the grids were made of, shape
+            (B, n+1, V, 3), float32; None if the data do not hold them.
     """
 
     grids: torch.Tensor
     manipulations: torch.Tensor
+    points: torch.Tensor | None = None
 
 
 @dataclass(frozen=True)
@@ -50,6 +39,8 @@ class SequenceSet:
         first_states: Index of each sequence's first state, shape (N,).
         lengths: Manipulations in each sequence, shape (N,).
         grid_size: Voxels along x, y and z.
+        points: Shape (S, V, 3), float16, normalised, of the cloth's upper surface; None if any
+            file lacks them.
     """
 
     packed_grids: NDArray[np.uint8]
@@ -57,6 +48,7 @@ class SequenceSet:
     first_states: NDArray[np.int64]
     lengths: NDArray[np.int64]
     grid_size: tuple[int, int, int]
+    points: NDArray[np.float16] | None = None
 
     def __len__(self) -> int:
         """Count the sequences."""
@@ -85,9 +77,10 @@ class SequenceSet:
         return SequenceSet(
             self.packed_grids[chosen],
             self.manipulations[chosen],
-            _first_states(lengths),
+            first_states(lengths),
             lengths,
             self.grid_size,
+            None if self.points is None else self.points[chosen],
         )
 
     def split(self, held_out_share: float, seed: int = 0) -> tuple[SequenceSet, SequenceSet]:
@@ -127,113 +120,13 @@ class SequenceSet:
         packed = self.packed_grids[states]
         bits = np.unpackbits(packed, axis=-1, count=int(np.prod(self.grid_size)))
         grids = bits.view(bool).reshape(*states.shape, *self.grid_size)
-        manipulations = self.manipulations[states[:, :-1]]
-        return Windows(torch.from_numpy(grids), torch.from_numpy(manipulations))
+        points = None
+        if self.points is not None:
+            points = torch.from_numpy(self.points[states].astype(np.float32))
+        manipulations = torch.from_numpy(self.manipulations[states[:, :-1]])
+        return Windows(torch.from_numpy(grids), manipulations, points)
 
 
-def load_sequences(
-    directories: Sequence[Path], field_of_view: FieldOfView | None = None
-) -> SequenceSet:
-    """Read all files of one or more directories, in the order of their names.
-
-    Args:
-        directories: Each with `shard_*.npz` or with the authors' `*.npz` files.
-        field_of_view: The box and voxels of the grids; the default one if None.
-
-    Raises:
-        InvalidInputError: If a directory holds no such file or a file does not have the form.
-    """
-    fov = field_of_view or FieldOfView()
-    parts = []
-    for directory in directories:
-        paths = sorted(directory.glob("shard_*.npz")) or sorted(directory.glob("*.npz"))
-        if not paths:
-            raise InvalidInputError(
-                f"{directory} should hold shard_*.npz or the authors' *.npz files, found none"
-            )
-        parts += [read_sequence_file(path, fov) for path in paths]
-    if not parts:
-        raise InvalidInputError("at least one directory with sequences is needed, got none")
-    lengths = np.concatenate([part.lengths for part in parts])
-    return SequenceSet(
-        np.concatenate([part.packed_grids for part in parts]),
-        np.concatenate([part.manipulations for part in parts]),
-        _first_states(lengths),
-        lengths,
-        fov.size,
-    )
-
-
-def read_sequence_file(path: Path, field_of_view: FieldOfView) -> SequenceSet:
-    """Read one file of either kind.
-
-    Raises:
-        InvalidInputError: If the file cannot be read or does not have the form.
-    """
-    try:
-        with np.load(path, allow_pickle=False) as stored:
-            picks = np.asarray(stored["picks"], dtype=np.float32)
-            moves = np.asarray(stored["moves"], dtype=np.float32)
-            if "grids" in stored:
-                packed = np.asarray(stored["grids"])
-            else:
-                packed = _rasterise(path, np.asarray(stored["states"]), field_of_view)
-    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as err:
-        raise InvalidInputError(
-            f"{path} should be an .npz with picks, moves and grids or states: {err}; "
-            "make the data again"
-        ) from err
-    _check(path, packed, picks, moves, field_of_view)
-    count, length = moves.shape[:2]
-    # Cloth that leaves the field of view re-enters at the opposite edge, and so do the hands.
-    points = (picks.reshape(count, length, 4) + 1.0) % 2.0 - 1.0
-    manipulations = np.full((count, length + 1, 6), np.nan, dtype=np.float32)
-    manipulations[:, :-1] = np.concatenate([points, moves], axis=2)
-    lengths = np.full(count, length, dtype=np.int64)
-    return SequenceSet(
-        packed.reshape(-1, packed.shape[2]),
-        manipulations.reshape(-1, 6),
-        _first_states(lengths),
-        lengths,
-        field_of_view.size,
-    )
-
-
-def _rasterise(
-    path: Path, states: NDArray[np.floating], field_of_view: FieldOfView
-) -> NDArray[np.uint8]:
-    if states.ndim != 4 or states.shape[3] != 3:
-        raise InvalidInputError(f"{path}: states must be (N, L+1, V, 3), got {states.shape}")
-    in_table = field_of_view.table_from_normalised(states)
-    grids = [[voxelise(state, field_of_view).occupancy for state in row] for row in in_table]
-    flat = np.array(grids).reshape(*states.shape[:2], -1)
-    return np.packbits(flat, axis=-1)
-
-
-def _check(
-    path: Path,
-    packed: NDArray[np.uint8],
-    picks: NDArray[np.float32],
-    moves: NDArray[np.float32],
-    field_of_view: FieldOfView,
-) -> None:
-    if moves.ndim != 3 or moves.shape[2] != 2 or moves.shape[1] < 1:
-        raise InvalidInputError(f"{path}: moves must be (N, L, 2), got {moves.shape}")
-    count, length = moves.shape[:2]
-    width = -(-int(np.prod(field_of_view.size)) // 8)
-    if packed.shape != (count, length + 1, width) or packed.dtype != np.uint8:
-        raise InvalidInputError(
-            f"{path}: grids must be uint8 {(count, length + 1, width)}, got {packed.dtype} "
-            f"{packed.shape}; generate them with the field of view {field_of_view.size}"
-        )
-    if picks.shape != (count, length, 2, 2):
-        raise InvalidInputError(f"{path}: picks must be (N, L, 2, 2), got {picks.shape}")
-    unused = np.asarray(np.isnan(picks).any(axis=3))
-    if np.isinf(picks).any() or (unused & ~np.isnan(picks).all(axis=3)).any():
-        raise InvalidInputError(f"{path}: a pick must be finite, or NaN in both values")
-    if unused.all(axis=2).any() or not np.isfinite(moves).all():
-        raise InvalidInputError(f"{path}: each step needs a pick and a finite move")
-
-
-def _first_states(lengths: NDArray[np.int64]) -> NDArray[np.int64]:
-    return np.concatenate([[0], np.cumsum(lengths + 1)[:-1]]).astype(np.int64)
+def first_states(lengths: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Index of each sequence's first state when states lie one after the other, shape (N,)."""
+    return (np.cumsum(lengths + 1) - (lengths + 1)).astype(np.int64)

@@ -10,7 +10,7 @@ import pytest
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FieldOfView
 from emd_core.voxel_grid import voxelise
-from emd_planner.dataset import load_sequences
+from emd_planner.sequence_files import load_sequences
 
 REFERENCE = Path(__file__).parents[2].parent / "shared" / "data" / "blender_reference"
 
@@ -69,6 +69,43 @@ def test_sequences_of_different_lengths_go_together(tmp_path, write_shards):
     assert data.windows(data.window_starts(1)[-1:], 3).manipulations[0, 1:].isnan().all()
 
 
+def test_points_are_those_that_the_grids_show(tmp_path, rectangle, grid_of):
+    """Vertices of the mid-surface come back raised by half the thickness; clouds mix in size."""
+    height = 0.02
+    for name, spacing in (("coarse", 0.05), ("fine", 0.02)):
+        cloud = rectangle((0.2, 0.1), (0.8, 0.5), height, spacing)
+        middle = cloud - [0.0, 0.0, 0.5 * 0.003 / FieldOfView().half_extent]
+        grid = np.packbits(grid_of(cloud).occupancy)
+        (tmp_path / name).mkdir()
+        np.savez(
+            tmp_path / name / "shard_0000.npz",
+            grids=np.tile(grid, (1, 2, 1)),
+            states=np.tile(middle, (1, 2, 1, 1)),
+            picks=np.zeros((1, 1, 2, 2)),
+            moves=np.zeros((1, 1, 2)),
+            meta='{"cloth": {"thickness": 0.003}}',
+        )
+    data = load_sequences([tmp_path / "coarse", tmp_path / "fine"])
+    window = data.windows(data.window_starts(1), 1)
+    np.testing.assert_allclose(window.points[..., 2], height, atol=1e-4)
+    for points, grid in zip(window.points[:, 0], window.grids[:, 0], strict=True):
+        np.testing.assert_array_equal(grid_of(points.numpy()).occupancy, grid)
+
+
+def test_shards_without_sequences_are_passed_over(tmp_path, write_shards):
+    """A shard whose sequences all failed adds nothing."""
+    write_shards(tmp_path, 2)
+    np.savez(
+        tmp_path / "shard_0009.npz",
+        grids=np.zeros((0, 4, 2048), np.uint8),
+        picks=np.zeros((0, 3, 2, 2), np.float32),
+        moves=np.zeros((0, 3, 2), np.float32),
+    )
+    data = load_sequences([tmp_path])
+    assert len(data) == 2
+    assert len(data.window_starts(1)) == 6
+
+
 def test_authors_files_are_rasterised():
     """A reference sequence gives the grids of its vertices, with hands wrapped into view."""
     if not REFERENCE.is_dir():
@@ -81,7 +118,8 @@ def test_authors_files_are_rasterised():
     window = data.windows(data.window_starts(3)[:1], 3)
     for grid, state in zip(window.grids[0], states[0], strict=True):
         wanted = voxelise(state * FieldOfView().half_extent).occupancy
-        np.testing.assert_array_equal(grid, wanted)
+        # Half-precision vertices often lie exactly between voxels, where rounding decides.
+        assert (grid.numpy() != wanted).sum() <= 4
     np.testing.assert_array_equal(
         np.isnan(window.manipulations[0, :, :4]), np.isnan(picks[0].reshape(3, 4))
     )

@@ -1,0 +1,213 @@
+"""The state of a training run: net, averaged weights, recipe, data, scores."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from emd_planner.augmentation import augment
+from emd_planner.checkpoint import load_checkpoint, save_checkpoint
+from emd_planner.config import EmdNetConfig, TrainingConfig
+from emd_planner.dataset import SequenceSet
+from emd_planner.emd_net import EmdNet
+from emd_planner.recipe import Losses, make_recipe
+from emd_planner.training_log import TrainingLog, draw_curve
+from emd_planner.validation import Validator, mean_grid
+from emd_planner.weights import load_net, save_net
+
+
+@dataclass(frozen=True)
+class Run:
+    """What one training run is about.
+
+    Attributes:
+        out: Directory for everything that the run writes.
+        minutes: Training time over all its interruptions; 0: not limited by time.
+        iterations: Number of batches; 0: not limited by number.
+        seed: Of the initial weights, the split and the augmentation.
+        device: Where the net is trained.
+        start_from: Weights to start from instead of random ones.
+        command: How the run was started, for its provenance.
+    """
+
+    out: Path
+    minutes: float = 0.0
+    iterations: int = 0
+    seed: int = 0
+    device: torch.device = torch.device("cpu")
+    start_from: Path | None = None
+    command: str = ""
+
+    def progress(self, iteration: int, seconds: float) -> float:
+        """Give the part of the run that is over, 0..1."""
+        by_number = iteration / self.iterations if self.iterations else 0.0
+        by_time = seconds / (60.0 * self.minutes) if self.minutes else 0.0
+        return max(by_number, by_time)
+
+
+class Trainer:
+    """The state of a training run; `train` drives it."""
+
+    def __init__(
+        self, data: SequenceSet, net_config: EmdNetConfig, config: TrainingConfig, run: Run
+    ) -> None:
+        """Prepare a run, or go on with the one that the checkpoint in `run.out` belongs to.
+
+        Raises:
+            InvalidInputError: If the checkpoint belongs to another run, or the data are too few.
+            ModelError: If the weights to start from do not fit.
+        """
+        self.config, self.run = config, run
+        self.data_hash = data.content_hash
+        self.train_set, held_out = data.split(config.validation_share, run.seed)
+        average = mean_grid(self.train_set)
+        self.validators = {
+            name: Validator(held_out, average, steps, run.device)
+            for name, steps in (("one_step", 1), ("two_steps", 2))
+            if len(held_out.window_starts(steps))
+        }
+        self.net = EmdNet(net_config, run.seed)
+        if run.start_from is not None:
+            self.net = load_net(run.start_from).train().requires_grad_(True)
+        self.net.to(run.device)
+        if config.bfloat16:
+            self.net.compute_type = torch.bfloat16
+        self.average = {n: p.detach().clone() for n, p in self.net.named_parameters()}
+        self.recipe = make_recipe(self.net, config)
+        self.generator = torch.Generator().manual_seed(run.seed)
+        self.starts = self.train_set.window_starts(1)
+        self.iteration, self.seconds = 0, 0.0
+        self.recent: list[float] = []
+        rows = self._resume() if self.checkpoint_path.exists() else []
+        self.log = TrainingLog(run.out / "log.csv", rows)
+
+    @property
+    def checkpoint_path(self) -> Path:
+        """Where the run's state is kept."""
+        return self.run.out / "checkpoint.pt"
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What must be the same for a checkpoint to be gone on with."""
+        return {
+            "net": dataclasses.asdict(self.net.config),
+            "training": dataclasses.asdict(self.config),
+            "seed": self.run.seed,
+            "data": self.data_hash,
+            "length": [self.run.minutes, self.run.iterations],
+        }
+
+    def step(self) -> None:
+        """Train on one batch."""
+        begin = time.monotonic()
+        choice = torch.randint(
+            len(self.starts), (self.config.batch_size,), generator=self.generator
+        )
+        windows = self.train_set.windows(self.starts[choice.numpy()], self.config.rollout_steps)
+        grids, manipulations = augment(windows, self.config.augmentation, self.generator)
+        losses = Losses(
+            self.net,
+            grids.to(self.run.device),
+            manipulations.to(self.run.device),
+            self.config.reconstruction_weight > 0.0,
+        )
+        self.recipe.step(losses, self.run.progress(self.iteration, self.seconds))
+        self.iteration += 1
+        self._update_average()
+        self.recent.append(losses.state.item())
+        self.seconds += time.monotonic() - begin
+
+    @torch.no_grad()
+    def _update_average(self) -> None:
+        # A short memory at first, so that the initial weights are soon forgotten.
+        decay = min(self.config.average_decay, self.iteration / (self.iteration + 9.0))
+        weights = [p.detach() for p in self.net.parameters()]
+        torch._foreach_lerp_(list(self.average.values()), weights, 1.0 - decay)
+
+    def validate(self) -> dict[str, float]:
+        """Score the averaged weights on the held-out sequences, log and draw."""
+        row = {
+            "iteration": float(self.iteration),
+            "seconds": self.seconds,
+            "train_loss_s": sum(self.recent) / max(1, len(self.recent)),
+        }
+        self.recent.clear()
+        with swapped_weights(self.net, self.average):
+            for name, validator in self.validators.items():
+                scores = validator.scores(self.net)
+                row[name] = scores.net
+                row[f"{name}_consistency"] = scores.consistency
+                row[f"{name}_do_nothing"] = scores.do_nothing
+                row[f"{name}_empty"] = scores.empty
+                row[f"{name}_mean"] = scores.mean
+        self.log.add(row)
+        draw_curve(self.log.rows, self.run.out / "curve.png")
+        return row
+
+    def save(self) -> None:
+        """Write the checkpoint."""
+        state = {
+            "identity": self.identity,
+            "net": self.net.state_dict(),
+            "average": self.average,
+            "recipe": self.recipe.state_dict(),
+            "generator": self.generator.get_state(),
+            "iteration": self.iteration,
+            "seconds": self.seconds,
+            "rows": self.log.rows,
+        }
+        save_checkpoint(self.checkpoint_path, state)
+
+    def _resume(self) -> list[dict[str, float]]:
+        state = load_checkpoint(self.checkpoint_path, self.identity)
+        self.net.load_state_dict(state["net"])
+        for name, value in state["average"].items():
+            self.average[name].copy_(value)
+        self.recipe.load_state_dict(state["recipe"])
+        self.generator.set_state(state["generator"])
+        self.iteration, self.seconds = state["iteration"], state["seconds"]
+        return state["rows"]
+
+    def export(self) -> Path:
+        """Write the averaged weights with their provenance."""
+        provenance = {
+            "command": self.run.command,
+            "seed": self.run.seed,
+            "data_sha256": self.data_hash,
+            "training_sequences": len(self.train_set),
+            "training_manipulations": self.train_set.manipulation_count,
+            "training": dataclasses.asdict(self.config),
+            "iterations": self.iteration,
+            "seconds": round(self.seconds, 1),
+            "device": str(self.run.device),
+            "torch": torch.__version__,
+            "scores": self.log.rows[-1] if self.log.rows else {},
+        }
+        path = self.run.out / "emd_net.safetensors"
+        save_net(self.net, path, provenance, self.average)
+        return path
+
+
+class swapped_weights:  # noqa: N801 - reads as a statement
+    """Context in which a net has other weights."""
+
+    def __init__(self, net: EmdNet, weights: dict[str, torch.Tensor]) -> None:
+        """Keep both."""
+        self._net, self._weights = net, weights
+        self._own: dict[str, torch.Tensor] = {}
+
+    def __enter__(self) -> None:
+        """Put the other weights in."""
+        for name, parameter in self._net.named_parameters():
+            self._own[name] = parameter.data
+            parameter.data = self._weights[name]
+
+    def __exit__(self, *_: object) -> None:
+        """Put the net's own weights back."""
+        for name, parameter in self._net.named_parameters():
+            parameter.data = self._own[name]
