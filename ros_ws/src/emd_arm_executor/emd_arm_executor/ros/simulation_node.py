@@ -88,6 +88,8 @@ class SimulationNode(Node):
         noise = KinectNoise(np.random.default_rng(self._config.seed))
         self._camera = HeadCamera(self._world, noise=noise if self._config.noise else None)
         self._overview = OverviewCamera(self._world, self._camera.renderer)
+        self._camera.capture(self._simulation.cloth)  # compiles the renderer before time runs
+        self._simulation.cloth.advance(self._config.step)
         self._advertise()
         self._due: dict[str, float] = {}
         self._camera_pose: np.ndarray | None = None
@@ -124,7 +126,8 @@ class SimulationNode(Node):
 
     def _on_trajectory(self, group: str, message: JointTrajectoryMsg) -> None:
         try:
-            self._simulation.follow(group, _trajectory_from_message(message))
+            start = conversions.time_from_message(message.header.stamp) or None
+            self._simulation.follow(group, _trajectory_from_message(message), start)
         except CellError as err:  # as a controller does: refuse, say why, go on as before
             self.get_logger().error(f"{group} trajectory refused: {err}")
 

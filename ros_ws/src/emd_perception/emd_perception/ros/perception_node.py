@@ -160,7 +160,8 @@ class PerceptionNode(Node):
             conversions.camera_from_message(self._camera),
             None if pose is None else conversions.transform_from_pose_message(pose.pose),
             self._core_config,
-            self._field_of_view,
+            # Without a pose there is no cell to keep to: the field of view may grow to the cloth.
+            None if pose is None else self._field_of_view,
         )
 
     def _publish(self, perception: Perception, pair: FramePair) -> None:

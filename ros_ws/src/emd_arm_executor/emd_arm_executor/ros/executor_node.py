@@ -1,0 +1,161 @@
+"""The executor node: carries out manipulations with the arms."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
+from std_srvs.srv import Trigger
+from visualization_msgs.msg import MarkerArray
+
+from emd_arm_executor.config import MotionConfig
+from emd_arm_executor.executor import MotionExecutor
+from emd_arm_executor.motion_plan import MotionPlan, PhaseName
+from emd_arm_executor.motion_planner import MotionPlanner
+from emd_arm_executor.observed_silhouette import silhouette_from_points
+from emd_arm_executor.robot_description import hiro_description
+from emd_arm_executor.robot_model import RobotModel
+from emd_arm_executor.ros.ros_robot import RosRobot
+from emd_core.errors import CancelledError, NoObservationError
+from emd_core.manipulation import Manipulation
+from emd_core.ros import conversions
+from emd_core.ros.markers import BLUE, GREEN, clear_marker, line_marker
+from emd_core.ros.parameters import declare_config
+from emd_core.ros.results import set_error
+from emd_core.ros.spin import spin_node
+from emd_core.ros.worker import SingleWorker
+from emd_msgs_py.action import ExecuteManipulation
+
+
+class ExecutorNode(Node):
+    """Plans the whole motion, checks it, and only then moves; one manipulation at a time."""
+
+    def __init__(self) -> None:
+        """Load the robot's model and offer the action and the way home."""
+        super().__init__("arm_executor")
+        config = declare_config(self, MotionConfig())
+        description = hiro_description()
+        model = RobotModel(description, config)
+        self._planner = MotionPlanner(model)
+        self._robot = RosRobot(self, description)
+        self._motion = MotionExecutor(self._robot, model)
+        self._points: PointCloud2 | None = None
+        self.create_subscription(
+            PointCloud2, "perception/points", self._on_points, qos_profile_sensor_data
+        )
+        self._markers = self.create_publisher(MarkerArray, "arm_executor/markers", 5)
+        self._worker = SingleWorker(self, "moving the arms")
+        self._action = ActionServer(
+            self,
+            ExecuteManipulation,
+            "arm_executor/execute_manipulation",
+            execute_callback=self._on_goal,
+            goal_callback=lambda request: GoalResponse.ACCEPT,
+            cancel_callback=lambda goal_handle: CancelResponse.ACCEPT,
+        )
+        self.create_service(Trigger, "arm_executor/go_home", self._on_go_home)
+
+    def _on_points(self, message: PointCloud2) -> None:
+        self._points = message
+
+    async def _on_goal(self, goal_handle: ServerGoalHandle) -> ExecuteManipulation.Result:
+        result = ExecuteManipulation.Result()
+        try:
+            await self._worker.run(lambda: self._execute(goal_handle, result))
+        except CancelledError as err:
+            goal_handle.canceled()
+            return set_error(result, err, self)  # type: ignore[no-any-return]
+        except Exception as err:
+            goal_handle.abort()
+            return set_error(result, err, self)  # type: ignore[no-any-return]
+        goal_handle.succeed()
+        return result
+
+    def _execute(self, goal_handle: ServerGoalHandle, result: ExecuteManipulation.Result) -> None:
+        """Plan and move in the worker's thread."""
+        manipulation = conversions.manipulation_from_message(goal_handle.request.manipulation)
+        if self._points is None:
+            raise NoObservationError(
+                "no points have come on perception/points yet; capture the cloth first, so that "
+                "its hem is known"
+            )
+        points = conversions.points_from_message(self._points)
+        plan = self._planner.plan_motion(
+            manipulation, silhouette_from_points(points), self._robot.joint_positions()
+        )
+        for reason in plan.rejected:
+            self.get_logger().info(f"candidate given up: {reason}")
+        self._show(plan)
+        result.executed = conversions.manipulation_to_message(
+            _executed(plan), self._table_header()
+        )
+        self._motion.run(
+            plan,
+            lambda phase, share: self._feed_back(goal_handle, plan, phase, share),
+            lambda: goal_handle.is_cancel_requested,
+        )
+
+    def _feed_back(
+        self, goal_handle: ServerGoalHandle, plan: MotionPlan, phase: PhaseName, share: float
+    ) -> None:
+        names = [item.name for item in plan.phases]
+        before = sum(item.duration for item in plan.phases[: names.index(phase)])
+        now = before + share * plan.phases[names.index(phase)].duration
+        goal_handle.publish_feedback(
+            ExecuteManipulation.Feedback(phase=phase.value, progress=now / plan.duration)
+        )
+
+    async def _on_go_home(
+        self, _: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        try:
+            await self._worker.run(self._go_home)
+        except Exception as err:
+            failed = set_error(ExecuteManipulation.Result(), err, self)
+            response.success, response.message = False, failed.error_msg
+            return response
+        response.success, response.message = True, "both arms are home"
+        return response
+
+    def _go_home(self) -> None:
+        self._motion.run(self._planner.plan_home(self._robot.joint_positions(), open_hands=True))
+
+    def _show(self, plan: MotionPlan) -> None:
+        """Publish hems as grasped and the tools' via-poses."""
+        header = self._table_header()
+        markers = [clear_marker(header, "hem"), clear_marker(header, "via_poses")]
+        for number, (arm, grasp) in enumerate(plan.grasps.items()):
+            hem = np.array(grasp.at(0.05, 0.0)[:3, 3])
+            ends = np.vstack([hem, grasp.transform_tool_to_table[:3, 3]])
+            markers.append(line_marker(ends, header, "hem", number, GREEN))
+            path = plan.via_poses_in_table[arm][:, :3, 3]
+            markers.append(line_marker(path, header, "via_poses", number, BLUE))
+        self._markers.publish(MarkerArray(markers=markers))
+
+    def _table_header(self) -> Header:
+        return conversions.header(self.get_clock().now().to_msg(), conversions.TABLE_FRAME)
+
+
+def _executed(plan: MotionPlan) -> Manipulation:
+    """The manipulation with the points that the hands take at the hem."""
+    points = np.full((2, 2), np.nan)
+    for row, grasp in enumerate(plan.grasps.values()):
+        points[row] = grasp.held_point_in_table[:2]
+    displacement: Any = plan.displacement_in_table
+    return Manipulation(points, np.asarray(displacement))
+
+
+def main() -> int:
+    """Run the node until interrupted."""
+    return spin_node(ExecutorNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
