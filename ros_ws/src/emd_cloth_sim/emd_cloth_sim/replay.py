@@ -1,0 +1,222 @@
+"""Replay files of the authors' data format with our cloth.
+
+The format (EMD Net / EM*D Net data generator): an .npz with `states` (N, L + 1, V, 3), `picks`
+(N, L, 2, 2) whose unused hands are NaN, and `moves` (N, L, 2), all normalised, for a square mesh
+of V = n * n vertices that spans 1.4 when flat.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emd_cloth_sim.cloth import Cloth
+from emd_cloth_sim.config import ClothConfig, HandPathConfig
+from emd_cloth_sim.manipulate import manipulate
+from emd_core.errors import InvalidInputError, SimulationError
+from emd_core.frames import FieldOfView, FloatArray
+from emd_core.manipulation import Manipulation
+
+SPAN = 1.4
+
+
+@dataclass(frozen=True)
+class ReplayReport:
+    """What came of a replay.
+
+    Attributes:
+        manipulations: How many were performed.
+        suspicious: For each state that should not be trusted: sequence, step, and what is wrong.
+    """
+
+    manipulations: int
+    suspicious: tuple[tuple[int, int, str], ...]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Sequences of the authors' format; see the module's docstring for shapes and units."""
+
+    states: FloatArray
+    picks: FloatArray
+    moves: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check shapes and values.
+
+        Raises:
+            InvalidInputError: If shapes do not fit each other, V is not a square, a state or a
+                move is not finite, or a hand is half NaN.
+        """
+        if self.states.ndim != 4 or self.states.shape[1] < 2 or self.states.shape[3] != 3:
+            raise InvalidInputError(f"states must be (N, L + 1, V, 3), got {self.states.shape}")
+        count, steps = self.states.shape[0], self.states.shape[1] - 1
+        if self.picks.shape != (count, steps, 2, 2) or self.moves.shape != (count, steps, 2):
+            raise InvalidInputError(
+                f"picks and moves must be {(count, steps, 2, 2)} and {(count, steps, 2)} to fit "
+                f"the states, got {self.picks.shape} and {self.moves.shape}"
+            )
+        if self.side**2 != self.states.shape[2] or self.side < 5:
+            raise InvalidInputError(
+                f"the mesh must be square, of at least 5 x 5 vertices, got {self.states.shape[2]}"
+            )
+        if not np.isfinite(self.states).all() or not np.isfinite(self.moves).all():
+            raise InvalidInputError("states and moves must be finite, got NaN or infinity")
+        missing = np.isnan(self.picks)
+        if (missing[..., 0] != missing[..., 1]).any() or np.isinf(self.picks).any():
+            raise InvalidInputError("a hand's pick must be finite, or NaN in both values")
+
+    @property
+    def side(self) -> int:
+        """Vertices along one side of the mesh."""
+        return round(self.states.shape[2] ** 0.5)
+
+
+def load_recording(path: Path) -> Recording:
+    """Read a file of the authors' format.
+
+    Raises:
+        InvalidInputError: If it cannot be read, a key is missing or its content is malformed.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            arrays = [np.asarray(stored[key], np.float64) for key in ("states", "picks", "moves")]
+    except (OSError, KeyError, ValueError, EOFError) as err:
+        raise InvalidInputError(
+            f"{path} should be an .npz with states, picks and moves: {err}"
+        ) from err
+    return Recording(*arrays)
+
+
+def replay_cloth_config(side: int) -> ClothConfig:
+    """The cloth for replaying a mesh of `side` x `side` vertices.
+
+    Half the substeps of the default, for speed: stretch grows to about 2 %. A finer mesh than
+    81 x 81 is replayed with a thinner cloth, as layers must stay closer than the vertices.
+    """
+    default = ClothConfig()
+    thickness = min(default.thickness, 0.6 * default.side_lengths[0] / (side - 1))
+    return ClothConfig(
+        vertices=(side, side), thickness=thickness, substeps=default.substeps // 2
+    )
+
+
+def replay_file(
+    input: Path,
+    output: Path,
+    on_progress: Callable[[int, int], None] | None = None,
+    path_config: HandPathConfig | None = None,
+) -> ReplayReport:
+    """Perform the picks and moves of a file from its first states, and write what our cloth does.
+
+    The output has the same keys, shapes and vertex order (states float32); it appears whole or
+    not at all.
+
+    Args:
+        input: File of the authors' format.
+        output: Where to write.
+        on_progress: Called with the manipulations done and their total.
+        path_config: How the hands move.
+
+    Raises:
+        InvalidInputError: If the input is malformed or its vertices are in no known order.
+        SimulationError: If a state becomes NaN.
+    """
+    recording = load_recording(input)
+    config = replay_cloth_config(recording.side)
+    order = vertex_order(recording.states[:, 0], recording.side)
+    states = np.empty(recording.states.shape, dtype=np.float32)
+    states[:, 0] = recording.states[:, 0]
+    count, steps = recording.moves.shape[:2]
+    suspicious: list[tuple[int, int, str]] = []
+    fov = FieldOfView()
+    for n in range(count):
+        start = fov.table_from_normalised(recording.states[n, 0][order])
+        cloth = Cloth.from_positions(start, config)
+        for step in range(steps):
+            failure = _perform(cloth, recording.picks[n, step], recording.moves[n, step], path_config)
+            if failure:
+                suspicious.append((n, step, failure))
+            states[n, step + 1, order] = fov.normalised_from_table(cloth.positions_in_table)
+            if on_progress:
+                on_progress(n * steps + step + 1, count * steps)
+    if not np.isfinite(states).all():
+        raise SimulationError(f"replaying {input} gave a state that is not finite")
+    _write(output, states, recording)
+    return ReplayReport(count * steps, tuple(suspicious))
+
+
+def vertex_order(first_states: FloatArray, side: int) -> NDArray[np.int64]:
+    """Find which vertex of the file is vertex (i, j) of the mesh; shape (V,), row-major.
+
+    Blender numbers the vertices of a subdivided plane in an order of its own, so it is read off a
+    flat, axis-parallel first state. Without one the file must be in row-major order.
+
+    Args:
+        first_states: Shape (N, V, 3), normalised.
+        side: Vertices along one side.
+
+    Raises:
+        InvalidInputError: If no first state is flat and the order is not row-major.
+    """
+    for state in first_states:
+        order = _order_of_flat(state, side)
+        if order is not None:
+            return order
+    grid = first_states.reshape(-1, side, side, 3)
+    longest = max(np.linalg.norm(np.diff(grid, axis=axis), axis=-1).max() for axis in (1, 2))
+    if longest > 1.5 * SPAN / (side - 1):
+        raise InvalidInputError(
+            "no first state is flat and axis-parallel, and the vertices are not in row-major "
+            "order; start a sequence from the flat cloth"
+        )
+    return np.arange(side * side)
+
+
+def _order_of_flat(state: FloatArray, side: int) -> NDArray[np.int64] | None:
+    low, high = state[:, :2].min(axis=0), state[:, :2].max(axis=0)
+    if not np.allclose(high - low, SPAN, atol=0.02) or np.ptp(state[:, 2]) > 0.02:
+        return None
+    cells = np.rint((state[:, :2] - low) / (high - low) * (side - 1)).astype(np.int64)
+    place = cells[:, 0] * side + cells[:, 1]
+    order = np.full(side * side, -1)
+    order[place] = np.arange(side * side)
+    return order if (order >= 0).all() else None
+
+
+def _perform(
+    cloth: Cloth, picks: FloatArray, move: FloatArray, path_config: HandPathConfig | None
+) -> str:
+    """Perform one step; returns what is wrong with the result, empty if nothing is."""
+    used = np.isfinite(picks).all(axis=1)
+    if not used.any():
+        return ""
+    values = np.concatenate([picks.ravel(), move])
+    manipulation = Manipulation.from_network(
+        values, (bool(used[0]), bool(used[1])), FieldOfView()
+    )
+    return manipulate(cloth, manipulation, path_config).diagnostics.failure
+
+
+def _write(output: Path, states: NDArray[np.float32], recording: Recording) -> None:
+    output.parent.mkdir(parents=True, exist_ok=True)
+    descriptor, temporary = tempfile.mkstemp(suffix=".tmp", dir=output.parent)
+    try:
+        with os.fdopen(descriptor, "wb") as stream:
+            np.savez_compressed(
+                stream,
+                states=states,
+                picks=recording.picks.astype(np.float32),
+                moves=recording.moves.astype(np.float32),
+            )
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, output)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
