@@ -38,8 +38,8 @@ class ClothConfig:
         substeps: Solver substeps a `step` of a mesh with 41 vertices a side. Stretch under a
             given load grows with (vertices / substeps)^2, so finer meshes get more, in
             proportion; never fewer than this.
-        grasp_radius: Horizontal reach of a closing hand, metres; 0.025 normalised, 0.0071 m, in the
-            authors' generator.
+        grasp_radius: Horizontal reach of a closing hand, metres. The authors' generator has
+            0.025 normalised, 0.0071 m.
         grasp_height_tolerance: Vertical reach up and down: generous, so that a hand takes all
             layers at its spot (paper, IV-B).
         grip_force: Force at which cloth slips after its hand instead of being torn, N.

@@ -147,7 +147,8 @@ def find_candidates(
     """List the pairs of vertex and triangle closer than `reach`; -1 if the lists are too short.
 
     `radius` bounds the distance of a triangle's corners from its centre; `boxes` (T, 6)
-    is working memory. `candidates` is (vertex, triangle, side of the triangle, way at which the pair wakes).
+    is working memory. `candidates` is (vertex, triangle, side of the triangle, way at which the
+    pair wakes).
     """
     centres, _, order, first = broad
     for t in range(triangles.shape[0]):
@@ -178,7 +179,9 @@ def find_candidates(
                         or z > boxes[n, 5]
                     ):
                         continue
-                    found = _add_if_near(position, triangles, v, order[n], reach, thickness, candidates, found)
+                    found = _add_if_near(
+                        position, triangles, v, order[n], reach, thickness, candidates, found
+                    )
                     if found < 0:
                         return -1
     return found

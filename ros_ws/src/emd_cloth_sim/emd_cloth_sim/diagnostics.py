@@ -151,6 +151,4 @@ def _volume(position: FloatArray, a: int, b: int, c: int, d: int) -> float:
         position[d, 1] - position[a, 1],
         position[d, 2] - position[a, 2],
     )
-    return (
-        (u1 * v2 - u2 * v1) * w0 + (u2 * v0 - u0 * v2) * w1 + (u0 * v1 - u1 * v0) * w2
-    )
+    return (u1 * v2 - u2 * v1) * w0 + (u2 * v0 - u0 * v2) * w1 + (u0 * v1 - u1 * v0) * w2

@@ -55,11 +55,20 @@ def _closest_on_segments(
     elif t > 1.0:
         t = 1.0
         s = min(max((b - c) / a, 0.0), 1.0)
-    return s, t, rx + s * d1x - t * d2x, ry + s * d1y - t * d2y, rz + s * d1z - t * d2z, determinant / (a * e)
+    return (
+        s,
+        t,
+        rx + s * d1x - t * d2x,
+        ry + s * d1y - t * d2y,
+        rz + s * d1z - t * d2z,
+        determinant / (a * e),
+    )
 
 
 @njit(cache=True, inline="always")
-def _height_over_edge(position: FloatArray, p: int, q: int, u: int, w: int) -> tuple[float, float, float, float]:
+def _height_over_edge(
+    position: FloatArray, p: int, q: int, u: int, w: int
+) -> tuple[float, float, float, float]:
     """Signed distance of the lines p-q and u-w, and their common unit normal; 0 if parallel."""
     ax, ay, az = (
         position[q, 0] - position[p, 0],

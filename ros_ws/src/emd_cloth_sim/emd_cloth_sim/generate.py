@@ -226,7 +226,7 @@ def _write_shard(config: GenerationConfig, samples: list[Sample], path: Path) ->
     failures = {str(sample.index): sample.failure for sample in samples if sample.failure}
     vertices = config.cloth.vertices[0] * config.cloth.vertices[1]
     steps = config.steps
-    arrays = {
+    arrays: dict[str, Any] = {
         "grids": _stack([s.grids for s in kept], (steps + 1, 2048), np.uint8),
         "picks": _stack([s.picks for s in kept], (steps, 2, 2), np.float32),
         "moves": _stack([s.moves for s in kept], (steps, 2), np.float32),
@@ -262,8 +262,8 @@ def _check_shard(config: GenerationConfig, shard: int, path: Path) -> None:
     wanted = min(SHARD_SIZE, config.sequences - shard * SHARD_SIZE)
     if meta != _meta(config) or found != wanted:
         raise InvalidInputError(
-            f"{path} was generated with other settings or another number of sequences; use the same "
-            "again, or another folder"
+            f"{path} holds other settings or another number of sequences; use the same again, "
+            "or another folder"
         )
 
 

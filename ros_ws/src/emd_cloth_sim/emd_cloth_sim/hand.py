@@ -42,7 +42,9 @@ class Hand:
 
     def held_positions(self, progress: float) -> FloatArray:
         """Where the held vertices belong, part of the way to the target; shape (H, 3), metres."""
-        return transform_points(interpolate_pose(self.current, self.target, progress), self.held_in_tool)
+        return transform_points(
+            interpolate_pose(self.current, self.target, progress), self.held_in_tool
+        )
 
 
 def check_transform(transform: FloatArray) -> FloatArray:

@@ -33,7 +33,7 @@ class HandPath:
     duration: float
 
     def position_in_table(self, time: float) -> FloatArray:
-        """Position at `time` seconds after the grasp, shape (3,), metres; starts and ends at rest."""
+        """Position at `time` seconds after the grasp, shape (3,), metres."""
         share = min(max(time / self.duration, 0.0), 1.0)
         progress = 0.5 * (1.0 - math.cos(math.pi * share))
         position = self.start_in_table + progress * (self.end_in_table - self.start_in_table)
@@ -47,7 +47,7 @@ def arc_path(
     end_height: float,
     config: HandPathConfig,
 ) -> HandPath:
-    """Plan the arc from a grasp, shape (3,), by a displacement, shape (2,), to a height (metres)."""
+    """Plan the arc from a grasp (3,) by a displacement (2,) to an end height; all metres."""
     distance = float(np.hypot(*displacement_in_table))
     end = np.array([*(start_in_table[:2] + displacement_in_table), end_height])
     rise = min(config.lift_height, config.rise_ratio * distance)

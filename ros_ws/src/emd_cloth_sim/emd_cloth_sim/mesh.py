@@ -103,7 +103,9 @@ def _right_angles(index: IndexArray) -> IndexArray:
     rows, columns = np.indices(low.shape)
     even = ((rows + columns) % 2 == 0)[..., None]
     first = np.where(even, np.stack([x_next, low, high], -1), np.stack([low, x_next, y_next], -1))
-    second = np.where(even, np.stack([y_next, high, low], -1), np.stack([high, y_next, x_next], -1))
+    second = np.where(
+        even, np.stack([y_next, high, low], -1), np.stack([high, y_next, x_next], -1)
+    )
     groups = [
         corners[i::2, j::2].reshape(-1, 3)
         for i in range(2)
@@ -128,6 +130,4 @@ def _triangles(index: IndexArray) -> IndexArray:
         np.stack([low, high, y_next], axis=-1),
         np.stack([x_next, high, y_next], axis=-1),
     )
-    return np.ascontiguousarray(
-        np.stack([first, second], axis=2).reshape(-1, 3), dtype=np.int32
-    )
+    return np.ascontiguousarray(np.stack([first, second], axis=2).reshape(-1, 3), dtype=np.int32)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -68,7 +69,7 @@ def _manipulations(name: str, side_x: float, side_y: float) -> tuple[Manipulatio
     x, y = 0.5 * side_x, 0.5 * side_y
     none = (np.nan, np.nan)
     far_side = ((-x, -y), (-x, y))
-    recipes = {
+    recipes: dict[str, list[tuple[Any, Any]]] = {
         "half": [(far_side, (2 * x, 0))],
         "half_left": [(((-x, -y), (x, -y)), (0, 2 * y))],
         "diagonal": [(((-x, -y), none), (2 * x, 2 * y))],

@@ -83,7 +83,9 @@ def manipulation_at_hem(
         points[1] = positions[_pick(hem[hem != first], near, rng), :2]
     inwards = positions[:, :2].mean(axis=0) - np.nanmean(points, axis=0)
     angle = math.atan2(inwards[1], inwards[0]) + rng.uniform(-0.5, 0.5) * math.pi
-    return Manipulation(points, _polar(rng.uniform(SHORTEST_AT_HEM, LONGEST), angle, field_of_view))
+    return Manipulation(
+        points, _polar(rng.uniform(SHORTEST_AT_HEM, LONGEST), angle, field_of_view)
+    )
 
 
 def hem_vertices(
@@ -123,10 +125,8 @@ def _corners(vertices: tuple[int, int]) -> list[int]:
     return [0, n_y - 1, n_x * n_y - 1, (n_x - 1) * n_y]
 
 
-def _neighbour_corners(
-    first: int, visible: list[int], vertices: tuple[int, int]
-) -> list[int]:
-    """Visible corners that share a side of the cloth with the corner `first`; none if it is none."""
+def _neighbour_corners(first: int, visible: list[int], vertices: tuple[int, int]) -> list[int]:
+    """Visible corners that share a side of the cloth with `first`; none if it is no corner."""
     corners = _corners(vertices)
     if first not in corners:
         return []

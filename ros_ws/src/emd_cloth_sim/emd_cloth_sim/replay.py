@@ -68,7 +68,7 @@ class Recording:
             )
         if not np.isfinite(self.states).all() or not np.isfinite(self.moves).all():
             raise InvalidInputError("states and moves must be finite, got NaN or infinity")
-        missing = np.isnan(self.picks)
+        missing: NDArray[np.bool_] = np.isnan(self.picks)
         if (missing[..., 0] != missing[..., 1]).any() or np.isinf(self.picks).any():
             raise InvalidInputError("a hand's pick must be finite, or NaN in both values")
 
@@ -102,9 +102,7 @@ def replay_cloth_config(side: int) -> ClothConfig:
     """
     default = ClothConfig()
     thickness = min(default.thickness, 0.6 * default.side_lengths[0] / (side - 1))
-    return ClothConfig(
-        vertices=(side, side), thickness=thickness, substeps=default.substeps // 2
-    )
+    return ClothConfig(vertices=(side, side), thickness=thickness, substeps=default.substeps // 2)
 
 
 def replay_file(
@@ -140,7 +138,9 @@ def replay_file(
         start = fov.table_from_normalised(recording.states[n, 0][order])
         cloth = Cloth.from_positions(start, config)
         for step in range(steps):
-            failure = _perform(cloth, recording.picks[n, step], recording.moves[n, step], path_config)
+            failure = _perform(
+                cloth, recording.picks[n, step], recording.moves[n, step], path_config
+            )
             if failure:
                 suspicious.append((n, step, failure))
             states[n, step + 1, order] = fov.normalised_from_table(cloth.positions_in_table)
@@ -187,7 +187,7 @@ def _order_of_flat(state: FloatArray, side: int) -> NDArray[np.int64] | None:
     place = cells[:, 0] * side + cells[:, 1]
     order = np.full(side * side, -1)
     order[place] = np.arange(side * side)
-    return order if (order >= 0).all() else None
+    return order if order.min() >= 0 else None
 
 
 def _perform(
@@ -198,9 +198,7 @@ def _perform(
     if not used.any():
         return ""
     values = np.concatenate([picks.ravel(), move])
-    manipulation = Manipulation.from_network(
-        values, (bool(used[0]), bool(used[1])), FieldOfView()
-    )
+    manipulation = Manipulation.from_network(values, (bool(used[0]), bool(used[1])), FieldOfView())
     return manipulate(cloth, manipulation, path_config).diagnostics.failure
 
 

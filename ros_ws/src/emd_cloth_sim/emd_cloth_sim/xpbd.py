@@ -1,7 +1,8 @@
-"""One step of the cloth: small-step XPBD (Macklin et al., "Small Steps in Physics Simulation", 2019).
+"""One step of the cloth by small-step XPBD.
 
-Each step is cut into many substeps with one Gauss-Seidel sweep each. Constraint stiffnesses are
-given as compliances (Macklin et al., "XPBD", 2016), scaled by vertex mass over squared substep.
+Each step is cut into many substeps with one Gauss-Seidel sweep each (Macklin et al., "Small Steps
+in Physics Simulation", 2019). Constraint stiffnesses are given as compliances (Macklin et al.,
+"XPBD", 2016), scaled by vertex mass over squared substep.
 """
 
 from __future__ import annotations
