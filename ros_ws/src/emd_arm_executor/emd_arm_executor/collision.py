@@ -52,9 +52,8 @@ class CollisionChecker:
         Left out are pairs that no joint moves against each other, neighbours and their next
         neighbours along the chain, whose primitives overlap though the real links cannot touch
         (HIRO's published collision matrix leaves the same pairs out), the fingers of one hand,
-        pairs that touch at rest or are described as never touching, and pairs of one arm that
-        touch in none of many random postures. All other pairs of arm and arm, arm and body, arm
-        and table stay.
+        pairs that touch at rest, and pairs of one arm that touch in none of many random postures.
+        All other pairs of arm and arm, arm and body, arm and table stay.
 
         Args:
             model: The whole robot.
@@ -72,7 +71,7 @@ class CollisionChecker:
         for first, second in self._moving_pairs():
             self._geometry.addCollisionPair(pin.CollisionPair(first, second))
         self._contacts = pin.GeometryData(self._geometry)
-        self._drop_pairs(rest, description.never_touching)
+        self._drop_pairs(rest)
         self._set_margins(description)
 
     @property
@@ -172,8 +171,8 @@ class CollisionChecker:
         table = 0 in (first, second)
         return not table and (second in lines[0] or first in lines[1]) or first == second
 
-    def _drop_pairs(self, rest: FloatArray, never: Collection[frozenset[str]]) -> None:
-        """Drop pairs that touch at rest, are known not to, or never do in one arm at random."""
+    def _drop_pairs(self, rest: FloatArray) -> None:
+        """Drop the pairs that touch at rest, and those of one arm that never touch at random."""
         for request in self._contacts.collisionRequests:
             request.security_margin = self.config.margin
         at_rest = self.contacts(rest)
@@ -189,16 +188,17 @@ class CollisionChecker:
         for pair, count in zip(list(self._geometry.collisionPairs), hits, strict=True):
             arms = {self._branches[i].split(" ")[0] for i in (pair.first, pair.second)}
             own = len(arms) == 1 and "" not in arms
-            names = self._names(pair)
-            known = frozenset({names.first, names.second}) in never
-            if known or (own and count == 0) or names in at_rest:
+            if (own and count == 0) or self._names(pair) in at_rest:
                 self._geometry.removeCollisionPair(pair)
         self._contacts = pin.GeometryData(self._geometry)
 
     def _set_margins(self, description: RobotDescription) -> None:
         tips = {link for arm in description.arms.values() for link in arm.fingertip_links}
         for index, pair in enumerate(self._geometry.collisionPairs):
-            links = {self._links[pair.first], self._links[pair.second]}
-            nail_on_table = TABLE in links and bool(links & tips)
-            margin = -self.config.nail_penetration if nail_on_table else self.config.margin
+            links = frozenset({self._links[pair.first], self._links[pair.second]})
+            margin = self.config.margin
+            if TABLE in links and links & tips:
+                margin = -self.config.nail_penetration
+            elif links in description.allowed_overlap:
+                margin = -description.allowed_overlap[links]
             self._contacts.collisionRequests[index].security_margin = margin

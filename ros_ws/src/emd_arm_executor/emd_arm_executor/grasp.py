@@ -78,6 +78,7 @@ def displacement_keeping_crease(
     displacement_in_table: FloatArray,
     planned_points_in_table: FloatArray,
     grasps: Sequence[GraspPose],
+    jaw_depth: float = 0.0,
 ) -> FloatArray:
     """Correct a displacement for grips that are not where the plan put them.
 
@@ -85,14 +86,17 @@ def displacement_keeping_crease(
     perpendicular bisector, at distance S / 2 from g along u. A hand that grips at g + s instead
     keeps that crease with the length S - 2 s.u: a grip shifted by a against the motion travels
     2 a further, one shifted forward (an insertion behind the hem) less. Shifts across the motion
-    leave the crease where it is. Two hands share one displacement, so the mean of their shifts
-    counts. A hand whose hem faces along the motion pulls the cloth instead of folding it: there
+    leave the crease where it is. The hand does not turn over with the flap: the cloth between its
+    jaws goes on facing up and leaves them `jaw_depth` further along u than the held point, at both
+    ends of the motion alike, which takes another 2 `jaw_depth` off the length. Two hands share one
+    displacement, so the mean of their shifts counts. A hand whose hem faces along the motion pulls the cloth instead of folding it: there
     is no crease and its displacement stays.
 
     Args:
         displacement_in_table: As planned, shape (2,), metres.
         planned_points_in_table: As planned, shape (N, 2), metres.
         grasps: The N grips.
+        jaw_depth: How far inside the held point the cloth leaves the jaws, metres.
 
     Returns:
         The displacement of the hands, shape (2,), metres; along the planned one.
@@ -108,4 +112,4 @@ def displacement_keeping_crease(
         (grasp.held_point_in_table - planned) @ along
         for grasp, planned in zip(grasps, planned_points_in_table, strict=True)
     ]
-    return np.asarray(along * max(length - 2.0 * float(np.mean(shifts)), 0.0))
+    return np.asarray(along * max(length - 2.0 * (float(np.mean(shifts)) + jaw_depth), 0.0))

@@ -2,26 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from emd_arm_executor.config import MotionConfig
 from emd_arm_executor.grasp import GraspPose, displacement_keeping_crease, grasp_poses
-from emd_arm_executor.hand_paths import Grip, hand_paths
+from emd_arm_executor.hand_paths import (
+    Grip,
+    carrying_poses,
+    descent_poses,
+    follow_carrying,
+    follow_descent,
+)
 from emd_arm_executor.hem import Hem
 from emd_arm_executor.robot_model import RobotModel
 from emd_arm_executor.silhouette import Silhouette
-from emd_core.errors import CellError, OutOfReachError
+from emd_core.errors import CellError, CollisionError, OutOfReachError
 from emd_core.frames import FloatArray
+
+
+# Step along the path while candidates are screened, metres, and what a joint may turn in it.
+_COARSE_STEP = 0.03
+_COARSE_JOINT_STEP = 0.8
 
 
 class GripSearch:
     """The grips with which one arm can carry out its part, found one by one as they are asked.
 
-    A grip counts when its arm reaches the whole path: lowering, insertion, carrying, release and
-    retreat. The nearest hem comes first, then the second nearest and so on (paper, V-B); at each
+    A grip counts when its arm reaches the whole path, lowering, insertion, carrying, release and
+    retreat, and touches nothing, seen in coarse steps and with the other arm at rest. The planner
+    then looks at the chosen grips finely and together. The nearest hem comes first, then the second nearest and so on (paper, V-B); at each
     hem the vertical hand orthogonal to the hem comes first.
     """
 
@@ -50,6 +62,8 @@ class GripSearch:
         self.point_in_table = point_in_table
         self.rejected: list[CellError] = []
         self._robot, self._config = robot, config
+        step = replace(config.path, linear_step=_COARSE_STEP, angular_step=_COARSE_JOINT_STEP)
+        self._coarse = replace(config, path=step)
         self._displacement, self._silhouette = displacement_in_table, silhouette
         self._found: list[Grip] = []
         self._source = self._search(hems)
@@ -66,16 +80,15 @@ class GripSearch:
     def _search(self, hems: Sequence[Hem]) -> Iterator[Grip]:
         for rank, hem in enumerate(hems):
             before = len(self._found)
-            reasons: list[OutOfReachError] = []
+            reasons: list[CellError] = []
             for pair in _pairs(list(grasp_poses(hem, self._config.grasp))):
                 yield from self._at_posture(pair, reasons)
             if len(self._found) == before and reasons:
-                first = reasons[0]
-                self.rejected.append(OutOfReachError(f"hem {rank + 1}, {self.arm} arm: {first}"))
+                # A collision was met farther along the way than the end of an arm's reach.
+                met = next((r for r in reasons if isinstance(r, CollisionError)), reasons[0])
+                self.rejected.append(type(met)(f"hem {rank + 1}, {self.arm} arm: {met}"))
 
-    def _at_posture(
-        self, poses: Sequence[GraspPose], reasons: list[OutOfReachError]
-    ) -> Iterator[Grip]:
+    def _at_posture(self, poses: Sequence[GraspPose], reasons: list[CellError]) -> Iterator[Grip]:
         """Yield the grips of one posture, the half turn that stays nearest to rest first."""
         kinematics = self._robot.arms[self.arm]
         rest = self._robot.rest_positions([self.arm])
@@ -91,24 +104,45 @@ class GripSearch:
                 reasons.append(kinematics.out_of_reach(target, (rest,)))
             return
         grips.sort(key=lambda grip: float(np.abs(grip.positions - rest).max()))
+        usable = [grip for grip in grips if self._reaches(self._carry, grip, reasons)]
         for distance in self._config.grasp.pre_grasp_distances:
-            for grip in grips:
+            for grip in usable:
                 candidate = replace(grip, pre_grasp_distance=distance)
-                try:
-                    self._try(candidate)
-                except OutOfReachError as err:
-                    reasons.append(err)
-                else:
+                if self._reaches(self._descend, candidate, reasons):
                     yield candidate
                     return
 
-    def _try(self, grip: Grip) -> None:
+    def _reaches(self, way: Callable[[Grip], None], grip: Grip, reasons: list[CellError]) -> bool:
+        try:
+            way(grip)
+        except (OutOfReachError, CollisionError) as err:
+            reasons.append(err)
+            return False
+        return True
+
+    def _carry(self, grip: Grip) -> None:
         displacement = self._displacement
         if self._config.grasp.keep_crease:
             displacement = displacement_keeping_crease(
-                displacement, self.point_in_table[None], [grip.grasp]
+                displacement,
+                self.point_in_table[None],
+                [grip.grasp],
+                self._config.grasp.jaw_depth,
             )
-        hand_paths(self._robot, [grip], displacement, self._silhouette, self._config)
+        carried, up = carrying_poses([grip], displacement, self._silhouette, self._coarse)
+        ways = follow_carrying(self._robot, grip, (carried[0], up[0]), _COARSE_JOINT_STEP)
+        self._check(ways, self._config.grasp.closed_width, "carry")
+
+    def _descend(self, grip: Grip) -> None:
+        lower, insert = descent_poses([grip], self._silhouette, self._coarse)
+        ways = follow_descent(self._robot, grip, (lower[0], insert[0]), _COARSE_JOINT_STEP)
+        self._check(ways, self._config.grasp.open_width, "lower")
+
+    def _check(self, ways: Sequence[FloatArray], width: float, name: str) -> None:
+        """Refuse what this arm alone collides with; the other one rests."""
+        names = self._robot.joint_names([self.arm])
+        rows = self._robot.configurations({}, names, np.concatenate(ways), {self.arm: width})
+        self._robot.collision.check_path(rows, name)
 
 
 def _pairs(poses: Sequence[GraspPose]) -> Iterator[Sequence[GraspPose]]:

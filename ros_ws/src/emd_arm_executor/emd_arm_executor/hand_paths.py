@@ -73,9 +73,6 @@ def hand_paths(
 ) -> HandPaths:
     """Find joint paths for the whole contact with the cloth.
 
-    The oriented point stands between the hands. The hands keep their pose relative to it, so
-    relative to each other, from the grip to the release (paper, IV-B items 3 and 4).
-
     Args:
         robot: The robot.
         grips: One for each arm that is used.
@@ -87,27 +84,91 @@ def hand_paths(
         OutOfReachError: If an arm cannot follow.
         InvalidInputError: If the displacement is too short.
     """
+    down = descent_poses(grips, silhouette, config)
+    onward = carrying_poses(grips, displacement_in_table, silhouette, config)
+    names = robot.joint_names([grip.arm for grip in grips])
+    descents = [follow_descent(robot, g, [p[h] for p in down]) for h, g in enumerate(grips)]
+    carries = [follow_carrying(robot, g, [p[h] for p in onward]) for h, g in enumerate(grips)]
+    lower, insert, carry, retreat = (
+        JointPath.through(
+            names,
+            np.concatenate([positions[part] for positions in parts], axis=1),
+            travel_parameters(poses[part]),
+        )
+        for parts, poses in ((descents, down), (carries, onward))
+        for part in (0, 1)
+    )
+    arms = tuple(grip.arm for grip in grips)
+    return HandPaths(arms, lower, insert, carry, retreat, onward[0])
+
+
+def descent_poses(
+    grips: Sequence[Grip], silhouette: Silhouette, config: MotionConfig
+) -> tuple[FloatArray, FloatArray]:
+    """Lay the hands' ways down beside the hem and under it.
+
+    Returns:
+        Poses while lowering and while inserting, each of shape (H, N, 4, 4), table frame.
+    """
+    hover = max(silhouette.top, config.grasp.grip_height) + config.grasp.hover_clearance
+    rise = hover - config.grasp.grip_height
+    held = np.stack([grip.grasp.transform_tool_to_table for grip in grips])
+    beside = np.stack([_drawn_back(grip, 0.0, config) for grip in grips])
+    above = np.stack([_drawn_back(grip, rise, config) for grip in grips])
+    return line_poses(above, beside, config.path), line_poses(beside, held, config.path)
+
+
+def carrying_poses(
+    grips: Sequence[Grip],
+    displacement_in_table: FloatArray,
+    silhouette: Silhouette,
+    config: MotionConfig,
+) -> tuple[FloatArray, FloatArray]:
+    """Lay the hands' ways from the grip to the release and up from there.
+
+    The oriented point stands between the hands. The hands keep their pose relative to it, so
+    relative to each other, from the grip to the release (paper, IV-B items 3 and 4).
+
+    Returns:
+        Poses while carrying and while retreating, each of shape (H, N, 4, 4), table frame.
+    """
     held = np.stack([grip.grasp.transform_tool_to_table for grip in grips])
     release_height = _release_height(held, displacement_in_table, silhouette, config)
     centre = held[:, :3, 3].mean(axis=0)
     release = np.array([*(centre[:2] + displacement_in_table), release_height])
     point = carry_poses(OrientedPoint(centre), OrientedPoint(release), config.path)
-    hand_in_point = inverse_transform(point[0]) @ held
-    carried = np.einsum("nij,hjk->hnik", point, hand_in_point)
-    hover = max(silhouette.top, config.grasp.grip_height) + config.grasp.hover_clearance
-    rise = hover - config.grasp.grip_height
-    beside = np.stack([_drawn_back(grip, 0.0, config) for grip in grips])
-    above = np.stack([_drawn_back(grip, rise, config) for grip in grips])
+    carried = np.einsum("nij,hjk->hnik", point, inverse_transform(point[0]) @ held)
     up = carried[:, -1].copy()
     up[:, 2, 3] = np.maximum(up[:, 2, 3], config.path.retreat_height)
-    segments = {
-        "lower": line_poses(above, beside, config.path),
-        "insert": line_poses(beside, held, config.path),
-        "carry": carried,
-        "retreat": line_poses(carried[:, -1], up, config.path),
-    }
-    paths = _track(robot, grips, segments)
-    return HandPaths(tuple(grip.arm for grip in grips), via_poses_in_table=carried, **paths)
+    return carried, line_poses(carried[:, -1], up, config.path)
+
+
+def follow_descent(
+    robot: RobotModel, grip: Grip, poses: Sequence[FloatArray], max_step: float | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Find one arm's joints while lowering and inserting, from the grip backwards.
+
+    Args:
+        robot: The robot.
+        grip: The arm and its gripping posture.
+        poses: Lowering and insertion of this hand, each (N, 4, 4), table frame.
+        max_step: Largest change of a joint between poses, radians; as configured if None.
+
+    Raises:
+        OutOfReachError: If the arm cannot follow.
+    """
+    arm, to_base = robot.arms[grip.arm], robot.transform_table_to_base
+    insert = arm.track(to_base @ poses[1][::-1], grip.positions, max_step)[::-1]
+    return arm.track(to_base @ poses[0][::-1], insert[0], max_step)[::-1], insert
+
+
+def follow_carrying(
+    robot: RobotModel, grip: Grip, poses: Sequence[FloatArray], max_step: float | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Find one arm's joints while carrying and retreating; arguments as for `follow_descent`."""
+    arm, to_base = robot.arms[grip.arm], robot.transform_table_to_base
+    carry = arm.track(to_base @ poses[0], grip.positions, max_step)
+    return carry, arm.track(to_base @ poses[1], carry[-1], max_step)
 
 
 def _drawn_back(grip: Grip, rise: float, config: MotionConfig) -> FloatArray:
@@ -124,26 +185,3 @@ def _release_height(
         for pose in held
     )
     return max(below, config.grasp.grip_height) + config.path.release_clearance
-
-
-def _track(
-    robot: RobotModel, grips: Sequence[Grip], segments: dict[str, FloatArray]
-) -> dict[str, JointPath]:
-    """Follow all segments with each arm, both ways from the grip."""
-    names = robot.joint_names([grip.arm for grip in grips])
-    columns: dict[str, list[FloatArray]] = {name: [] for name in segments}
-    for h, grip in enumerate(grips):
-        arm = robot.arms[grip.arm]
-        in_base = {k: robot.transform_table_to_base @ poses[h] for k, poses in segments.items()}
-        insert = arm.track(in_base["insert"][::-1], grip.positions)[::-1]
-        columns["insert"].append(insert)
-        columns["lower"].append(arm.track(in_base["lower"][::-1], insert[0])[::-1])
-        carry = arm.track(in_base["carry"], grip.positions)
-        columns["carry"].append(carry)
-        columns["retreat"].append(arm.track(in_base["retreat"], carry[-1]))
-    return {
-        name: JointPath.through(
-            names, np.concatenate(columns[name], axis=1), travel_parameters(segments[name])
-        )
-        for name in segments
-    }

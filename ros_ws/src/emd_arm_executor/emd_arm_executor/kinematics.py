@@ -203,12 +203,18 @@ class ArmKinematics:
             f"{np.rad2deg(nearest.angle):.1f} degrees; choose a nearer point or another direction"
         )
 
-    def track(self, transforms_tool_to_base: FloatArray, start: FloatArray) -> FloatArray:
+    def track(
+        self,
+        transforms_tool_to_base: FloatArray,
+        start: FloatArray,
+        max_step: float | None = None,
+    ) -> FloatArray:
         """Follow a dense path of tool poses without leaving the branch of `start`.
 
         Args:
             transforms_tool_to_base: Poses, shape (N, 4, 4), a few millimetres apart.
             start: Joint positions at the first pose, or near it, shape (n,), radians.
+            max_step: Largest change of a joint between poses, radians; as configured if None.
 
         Returns:
             Joint positions, shape (N, n), radians.
@@ -217,13 +223,14 @@ class ArmKinematics:
             OutOfReachError: If the path leaves the workspace or would need a jump of a joint;
                 names the pose and how far along the path it is.
         """
+        limit = self.config.max_joint_step if max_step is None else max_step
         path = np.empty((len(transforms_tool_to_base), len(start)))
         positions = np.asarray(start, dtype=np.float64)
         for i, transform in enumerate(transforms_tool_to_base):
             guess = positions if i < 2 else 2.0 * path[i - 1] - path[i - 2]
             attempt = self.descend(transform, guess)
             jump = float(np.abs(attempt.positions - positions).max())
-            if not attempt.solved or (i > 0 and jump > self.config.max_joint_step):
+            if not attempt.solved or (i > 0 and jump > limit):
                 raise self._lost(transform, attempt, jump, i, len(path))
             positions = path[i] = attempt.positions
         return path

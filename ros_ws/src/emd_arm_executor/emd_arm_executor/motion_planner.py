@@ -190,7 +190,9 @@ class MotionPlanner:
         displacement = manipulation.displacement_in_table
         if self.config.grasp.keep_crease:
             grasps = [grip.grasp for grip in grips]
-            displacement = displacement_keeping_crease(displacement, points, grasps)
+            displacement = displacement_keeping_crease(
+                displacement, points, grasps, self.config.grasp.jaw_depth
+            )
         paths = hand_paths(self.robot, grips, displacement, silhouette, self.config)
         resting = self._resting(paths.arms, joint_positions)
         self._check_contact(paths, resting)

@@ -39,7 +39,8 @@ class RobotDescription:
         arms: The arms by name.
         rest: Positions of all joints at which the arms wait beside the table, radians. Joints
             that belong to no arm stay there.
-        never_touching: Pairs of links that cannot touch although their primitives may overlap.
+        allowed_overlap: How far the primitives of a pair of links may overlap, metres, where they
+            are known to be larger than the links.
         gripper_joints_from_width: Positions of a hand's joints for an opening in metres.
         transform_table_to_base: The table frame in the robot's base frame, shape (4, 4).
         table_centre_in_base: Middle of the table top's box, shape (3,), metres.
@@ -49,7 +50,7 @@ class RobotDescription:
     urdf: Path
     arms: Mapping[str, ArmDescription]
     rest: Mapping[str, float]
-    never_touching: frozenset[frozenset[str]]
+    allowed_overlap: Mapping[frozenset[str], float]
     gripper_joints_from_width: Callable[[float], FloatArray]
     transform_table_to_base: FloatArray
     table_centre_in_base: FloatArray
@@ -57,13 +58,13 @@ class RobotDescription:
 
 
 # HIRO's published collision matrix has no posture in which its left elbow link (ARM_JOINT2)
-# touches chest or waist; mirrored here. The model's boxes around these links overlap by up to 3 cm
-# in postures that the near corners of the cloth need.
-_HIRO_NEVER_TOUCHING = frozenset(
-    frozenset({body, f"{side}ARM_JOINT2_Link"})
+# touches chest or waist. Here boxes stand for these links; with a cylinder around the elbow link
+# they keep 26 mm more distance in the postures that the near corners of the cloth need.
+_HIRO_ALLOWED_OVERLAP = {
+    frozenset({body, f"{side}ARM_JOINT2_Link"}): 0.025
     for body in ("CHEST_JOINT0_Link", "WAIST")
     for side in ("L", "R")
-)
+}
 
 
 def hiro_description(
@@ -80,7 +81,7 @@ def hiro_description(
         urdf=hiro.URDF_PATH,
         arms={hand: _hiro_arm(hand) for hand in hiro.HANDS},
         rest=(rest or hiro.OBSERVE).by_joint(),
-        never_touching=_HIRO_NEVER_TOUCHING,
+        allowed_overlap=_HIRO_ALLOWED_OVERLAP,
         gripper_joints_from_width=hiro.GripperGeometry().joints_from_width,
         transform_table_to_base=geometry.transform_table_to_waist,
         table_centre_in_base=np.asarray(geometry.table_centre_in_waist),
