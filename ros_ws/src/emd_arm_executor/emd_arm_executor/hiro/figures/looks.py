@@ -66,9 +66,9 @@ LOOKS: dict[str, tuple[Shape, ...]] = {
         Shape("cylinder", (0.045, 0.006), (-0.012, 0.105, -0.070), "amber"),
     ),
     "LARM_JOINT2_Link": (
-        Shape("cylinder", (0.038, 0.080), (0, 0.005, 0), "grey", _ALONG_Y),
-        Shape("box", (0.075, 0.085, 0.085), (-0.022, 0.012, -0.060), "white"),
-        Shape("cylinder", (0.036, 0.050), (-0.028, 0.005, -0.125), "dark"),
+        Shape("cylinder", (0.035, 0.080), (0, 0.005, 0), "grey", _ALONG_Y),
+        Shape("cylinder", (0.039, 0.090), (-0.030, 0, -0.062), "white"),
+        Shape("cylinder", (0.036, 0.045), (-0.030, 0, -0.127), "dark"),
     ),
     "LARM_JOINT3_Link": (
         Shape("cylinder", (0.037, 0.080), (0, 0.004, -0.180), "white"),

@@ -22,7 +22,12 @@ SOLIDS: dict[str, tuple[Shape, ...]] = {
     "HEAD_JOINT1_Link": (Shape("box", (0.24, 0.22, 0.095), (-0.02, 0, 0.081)),),
     "LARM_JOINT0_Link": (Shape("cylinder", (0.045, 0.156), (0, 0.007, 0.017)),),
     "LARM_JOINT1_Link": (Shape("cylinder", (0.06, 0.32), (-0.022, 0.115, -0.124)),),
-    "LARM_JOINT2_Link": (Shape("box", (0.10, 0.125, 0.19), (-0.017, 0.021, -0.059)),),
+    # The elbow about its axis and the forearm about the next one fill the published box exactly.
+    # The box itself would touch the chest where the arms reach the near corners of a cloth.
+    "LARM_JOINT2_Link": (
+        Shape("cylinder", (0.035, 0.125), (0, 0.0215, 0), rpy=(90, 0, 0)),
+        Shape("cylinder", (0.040, 0.153), (-0.030, 0, -0.0765)),
+    ),
     "LARM_JOINT3_Link": (Shape("cylinder", (0.045, 0.118), (0, 0.013, -0.199)),),
     "LARM_JOINT4_Link": (Shape("box", (0.075, 0.098, 0.141), (-0.004, 0.022, -0.046)),),
     "LARM_JOINT5_Link": (Shape("box", (0.068, 0.086, 0.075), (-0.005, 0, -0.015)),),
