@@ -8,10 +8,11 @@ import numpy as np
 
 from emd_arm_executor.config import MotionConfig
 from emd_arm_executor.joint_trajectory import JointTrajectory
+from emd_arm_executor.motion_limits import MotionLimits
 from emd_arm_executor.motion_plan import MotionPlan, Phase, PhaseName
 from emd_arm_executor.robot_interface import RobotInterface
 from emd_arm_executor.robot_model import RobotModel
-from emd_arm_executor.trajectory import MotionLimits, TimedPath, stop_path
+from emd_arm_executor.trajectory import TimedPath, stop_path
 from emd_core.errors import CancelledError, GraspFailedError, TrackingError
 from emd_core.frames import FloatArray
 

@@ -89,8 +89,8 @@ def displacement_keeping_crease(
     leave the crease where it is. The hand does not turn over with the flap: the cloth between its
     jaws goes on facing up and leaves them `jaw_depth` further along u than the held point, at both
     ends of the motion alike, which takes another 2 `jaw_depth` off the length. Two hands share one
-    displacement, so the mean of their shifts counts. A hand whose hem faces along the motion pulls the cloth instead of folding it: there
-    is no crease and its displacement stays.
+    displacement, so the mean of their shifts counts. A hand whose hem faces along the motion
+    pulls the cloth instead of folding it: there is no crease and its displacement stays.
 
     Args:
         displacement_in_table: As planned, shape (2,), metres.

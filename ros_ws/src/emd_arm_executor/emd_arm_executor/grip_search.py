@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,10 +22,24 @@ from emd_arm_executor.silhouette import Silhouette
 from emd_core.errors import CellError, CollisionError, OutOfReachError
 from emd_core.frames import FloatArray
 
-
 # Step along the path while candidates are screened, metres, and what a joint may turn in it.
 _COARSE_STEP = 0.03
 _COARSE_JOINT_STEP = 0.8
+
+
+@dataclass(frozen=True)
+class GripTask:
+    """What is to be done with the cloth.
+
+    Attributes:
+        displacement_in_table: As planned, shape (2,), metres.
+        silhouette: The cloth.
+        config: Postures to try.
+    """
+
+    displacement_in_table: FloatArray
+    silhouette: Silhouette
+    config: MotionConfig
 
 
 class GripSearch:
@@ -33,8 +47,8 @@ class GripSearch:
 
     A grip counts when its arm reaches the whole path, lowering, insertion, carrying, release and
     retreat, and touches nothing, seen in coarse steps and with the other arm at rest. The planner
-    then looks at the chosen grips finely and together. The nearest hem comes first, then the second nearest and so on (paper, V-B); at each
-    hem the vertical hand orthogonal to the hem comes first.
+    then looks at the chosen grips finely and together. The nearest hem comes first, then the
+    second nearest and so on (paper, V-B); at each hem the vertical hand orthogonal to it.
     """
 
     def __init__(
@@ -43,9 +57,7 @@ class GripSearch:
         arm: str,
         point_in_table: FloatArray,
         hems: Sequence[Hem],
-        displacement_in_table: FloatArray,
-        silhouette: Silhouette,
-        config: MotionConfig,
+        task: GripTask,
     ) -> None:
         """Prepare the search; nothing is computed yet.
 
@@ -54,17 +66,14 @@ class GripSearch:
             arm: The arm.
             point_in_table: The planned grasp point, shape (2,), metres.
             hems: Its hems, the nearest first.
-            displacement_in_table: As planned, shape (2,), metres.
-            silhouette: The cloth.
-            config: Postures to try.
+            task: What is to be done with the cloth.
         """
         self.arm = arm
         self.point_in_table = point_in_table
         self.rejected: list[CellError] = []
-        self._robot, self._config = robot, config
-        step = replace(config.path, linear_step=_COARSE_STEP, angular_step=_COARSE_JOINT_STEP)
-        self._coarse = replace(config, path=step)
-        self._displacement, self._silhouette = displacement_in_table, silhouette
+        self._robot, self._task, self._config = robot, task, task.config
+        step = replace(task.config.path, linear_step=_COARSE_STEP, angular_step=_COARSE_JOINT_STEP)
+        self._coarse = replace(task.config, path=step)
         self._found: list[Grip] = []
         self._source = self._search(hems)
 
@@ -76,6 +85,13 @@ class GripSearch:
                 return None
             self._found.append(found)
         return self._found[index]
+
+    def all(self) -> Iterator[Grip]:
+        """Yield all grips in the order of their rank."""
+        index = 0
+        while (grip := self.grip(index)) is not None:
+            yield grip
+            index += 1
 
     def _search(self, hems: Sequence[Hem]) -> Iterator[Grip]:
         for rank, hem in enumerate(hems):
@@ -121,7 +137,7 @@ class GripSearch:
         return True
 
     def _carry(self, grip: Grip) -> None:
-        displacement = self._displacement
+        displacement = self._task.displacement_in_table
         if self._config.grasp.keep_crease:
             displacement = displacement_keeping_crease(
                 displacement,
@@ -129,12 +145,12 @@ class GripSearch:
                 [grip.grasp],
                 self._config.grasp.jaw_depth,
             )
-        carried, up = carrying_poses([grip], displacement, self._silhouette, self._coarse)
+        carried, up = carrying_poses([grip], displacement, self._task.silhouette, self._coarse)
         ways = follow_carrying(self._robot, grip, (carried[0], up[0]), _COARSE_JOINT_STEP)
         self._check(ways, self._config.grasp.closed_width, "carry")
 
     def _descend(self, grip: Grip) -> None:
-        lower, insert = descent_poses([grip], self._silhouette, self._coarse)
+        lower, insert = descent_poses([grip], self._task.silhouette, self._coarse)
         ways = follow_descent(self._robot, grip, (lower[0], insert[0]), _COARSE_JOINT_STEP)
         self._check(ways, self._config.grasp.open_width, "lower")
 

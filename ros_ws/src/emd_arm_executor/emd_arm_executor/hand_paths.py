@@ -10,6 +10,7 @@ import numpy as np
 from emd_arm_executor.config import MotionConfig
 from emd_arm_executor.grasp import GraspPose
 from emd_arm_executor.joint_path import JointPath, travel_parameters
+from emd_arm_executor.path_following import follow_poses
 from emd_arm_executor.robot_model import RobotModel
 from emd_arm_executor.silhouette import Silhouette
 from emd_arm_executor.via_poses import OrientedPoint, carry_poses, line_poses
@@ -158,8 +159,8 @@ def follow_descent(
         OutOfReachError: If the arm cannot follow.
     """
     arm, to_base = robot.arms[grip.arm], robot.transform_table_to_base
-    insert = arm.track(to_base @ poses[1][::-1], grip.positions, max_step)[::-1]
-    return arm.track(to_base @ poses[0][::-1], insert[0], max_step)[::-1], insert
+    insert = follow_poses(arm, to_base @ poses[1][::-1], grip.positions, max_step)[::-1]
+    return follow_poses(arm, to_base @ poses[0][::-1], insert[0], max_step)[::-1], insert
 
 
 def follow_carrying(
@@ -167,8 +168,8 @@ def follow_carrying(
 ) -> tuple[FloatArray, FloatArray]:
     """Find one arm's joints while carrying and retreating; arguments as for `follow_descent`."""
     arm, to_base = robot.arms[grip.arm], robot.transform_table_to_base
-    carry = arm.track(to_base @ poses[0], grip.positions, max_step)
-    return carry, arm.track(to_base @ poses[1], carry[-1], max_step)
+    carry = follow_poses(arm, to_base @ poses[0], grip.positions, max_step)
+    return carry, follow_poses(arm, to_base @ poses[1], carry[-1], max_step)
 
 
 def _drawn_back(grip: Grip, rise: float, config: MotionConfig) -> FloatArray:

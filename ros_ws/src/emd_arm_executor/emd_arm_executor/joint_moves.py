@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from emd_arm_executor.joint_path import JointPath, travel_parameters
+from emd_arm_executor.path_following import follow_poses
 from emd_arm_executor.robot_model import RobotModel
 from emd_arm_executor.via_poses import line_poses
 from emd_core.errors import CollisionError, OutOfReachError
@@ -136,7 +137,7 @@ def raise_hands(
     poses = line_poses(start, end, robot.config.path)
     try:
         columns = [
-            robot.arms[arm].track(to_base @ poses[h], positions[part])
+            follow_poses(robot.arms[arm], to_base @ poses[h], positions[part])
             for h, (arm, part) in enumerate(pairs)
         ]
     except OutOfReachError:

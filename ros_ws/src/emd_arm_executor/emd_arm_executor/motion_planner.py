@@ -6,15 +6,16 @@ whole motion. What cannot be done is refused with the reason for every candidate
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from emd_arm_executor.config import MotionConfig
 from emd_arm_executor.grasp import displacement_keeping_crease
-from emd_arm_executor.grip_search import GripSearch
+from emd_arm_executor.grip_assignment import assignments, grip_sets
+from emd_arm_executor.grip_search import GripTask
 from emd_arm_executor.hand_paths import Grip, HandPaths, hand_paths
-from emd_arm_executor.hem import Hem, find_hems
+from emd_arm_executor.hem import find_hems
 from emd_arm_executor.hem_contour import extract_hems
 from emd_arm_executor.joint_moves import (
     JointMove,
@@ -23,10 +24,11 @@ from emd_arm_executor.joint_moves import (
     raise_hands,
 )
 from emd_arm_executor.joint_path import JointPath
+from emd_arm_executor.motion_limits import MotionLimits
 from emd_arm_executor.motion_plan import GripperCommand, MotionPlan, Phase, PhaseName
 from emd_arm_executor.robot_model import RobotModel
 from emd_arm_executor.silhouette import Silhouette
-from emd_arm_executor.trajectory import MotionLimits, TimedPath, time_path
+from emd_arm_executor.trajectory import TimedPath, time_path
 from emd_core.errors import CellError, CollisionError, OutOfReachError
 from emd_core.frames import FloatArray
 from emd_core.manipulation import Manipulation
@@ -73,8 +75,9 @@ class MotionPlanner:
         count = self.config.hem.candidates
         hems = [find_hems(contours, point, count, self.config.hem) for point in points]
         rejected: list[CellError] = []
-        for searches in self._assignments(points, hems, manipulation, silhouette):
-            for grips in self._grip_sets(searches):
+        task = GripTask(manipulation.displacement_in_table, silhouette, self.config)
+        for searches in assignments(self.robot, points, hems, task):
+            for grips in grip_sets(searches, self.config.grasp.max_pairs):
                 try:
                     return self._complete(
                         grips, manipulation, points, silhouette, joint_positions, rejected
@@ -126,56 +129,6 @@ class MotionPlanner:
         except CollisionError:
             return None
         return lift
-
-    def _assignments(
-        self,
-        points: FloatArray,
-        hems: Sequence[Sequence[Hem]],
-        manipulation: Manipulation,
-        silhouette: Silhouette,
-    ) -> Iterator[list[GripSearch]]:
-        """Yield which arm takes which point, the likelier first; two hands never cross."""
-        shoulders = {
-            arm: float(kinematics.forward(self.robot.rest_positions([arm]))[1, 3])
-            for arm, kinematics in self.robot.arms.items()
-        }
-        # At rest each hand is on its arm's side: the sign of y in the base frame tells the side.
-        sides = sorted(shoulders, key=lambda arm: -shoulders[arm])
-        padded = np.column_stack([points, np.zeros(len(points)), np.ones(len(points))])
-        lateral = (self.robot.transform_table_to_base @ padded.T)[1]
-        for arms in _arms_for(lateral, sides):
-            yield [
-                GripSearch(
-                    self.robot,
-                    arm,
-                    points[i],
-                    hems[i],
-                    manipulation.displacement_in_table,
-                    silhouette,
-                    self.config,
-                )
-                for i, arm in enumerate(arms)
-            ]
-
-    def _grip_sets(self, searches: Sequence[GripSearch]) -> Iterator[list[Grip]]:
-        """Yield one grip for each point, those with the least sum of ranks first."""
-        if len(searches) == 1:
-            yield from ([grip] for grip in _all_of(searches[0]))
-            return
-        tried = 0
-        for total in range(2 * self.config.grasp.max_pairs):
-            exhausted = True
-            for rank in range(total + 1):
-                first, second = searches[0].grip(rank), searches[1].grip(total - rank)
-                exhausted &= first is None and second is None
-                if first is None or second is None:
-                    continue
-                yield [first, second]
-                tried += 1
-                if tried >= self.config.grasp.max_pairs:
-                    return
-            if exhausted or any(search.grip(0) is None for search in searches):
-                return
 
     def _complete(
         self,
@@ -290,26 +243,6 @@ class MotionPlanner:
         )
         published = np.array([speeds[name] for name in path.joint_names])
         return time_path(path, MotionLimits.of(published, self.config.timing), max_speed)
-
-
-def _arms_for(lateral: FloatArray, sides: Sequence[str]) -> list[tuple[str, ...]]:
-    """List the arms for points at lateral positions y, the likelier assignment first.
-
-    Args:
-        lateral: y of each point in the base frame, metres, positive to the left.
-        sides: Names of the arms from left to right.
-    """
-    if len(lateral) == 1:
-        return [(arm,) for arm in (sides if lateral[0] >= 0.0 else reversed(sides))]
-    straight, swapped = tuple(sides), tuple(reversed(sides))
-    return [straight] if lateral[0] >= lateral[1] else [swapped]
-
-
-def _all_of(search: GripSearch) -> Iterator[Grip]:
-    index = 0
-    while (grip := search.grip(index)) is not None:
-        yield grip
-        index += 1
 
 
 def _of_arms(err: CellError, grips: Sequence[Grip]) -> CellError:

@@ -11,6 +11,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from emd_arm_executor.grasp import GraspPose
 from emd_arm_executor.hem import Hem
+from emd_arm_executor.path_following import follow_poses
 from emd_arm_executor.robot_model import RobotModel
 from emd_core.errors import OutOfReachError
 from emd_core.frames import FloatArray
@@ -67,7 +68,7 @@ def _posture(
         restarts = robot.config.kinematics.grasp_restarts
         for positions in kinematics.solutions(poses[0], (seed,), restarts):
             try:
-                path = kinematics.track(poses, positions)
+                path = follow_poses(kinematics, poses, positions)
             except OutOfReachError:
                 continue
             widths = {arm: grasp.closed_width}
