@@ -89,7 +89,7 @@ class ClothConfig:
             raise InvalidInputError(f"gravity must be three finite values, got {self.gravity}")
         if self.substeps < 1:
             raise InvalidInputError(f"substeps must be at least 1, got {self.substeps}")
-        if self.thickness > 0.6 * min(self.spacing):
+        if self.thickness > 0.6 * min(self.spacing) + 1e-9:
             raise InvalidInputError(
                 f"thickness {self.thickness} m must be at most 0.6 of the vertex spacing "
                 f"{min(self.spacing):.4f} m; use fewer vertices or a thinner cloth"

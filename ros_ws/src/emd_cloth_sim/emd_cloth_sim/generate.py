@@ -43,7 +43,6 @@ from emd_core.errors import InvalidInputError
 from emd_core.frames import FieldOfView
 from emd_core.voxel_grid import voxelise
 
-SHARD_SIZE = 16
 FORMAT = 1
 
 
@@ -58,6 +57,7 @@ class GenerationConfig:
         seed: Seed of all sequences; a sequence depends only on it and on its index.
         cloth: The cloth.
         path: How hands carry it.
+        shard_size: Sequences in a file.
     """
 
     sequences: int
@@ -66,6 +66,7 @@ class GenerationConfig:
     seed: int
     cloth: ClothConfig
     path: HandPathConfig
+    shard_size: int = 16
 
     def __post_init__(self) -> None:
         """Check the ranges.
@@ -73,10 +74,10 @@ class GenerationConfig:
         Raises:
             InvalidInputError: If a count or the seed is out of range or the mode unknown.
         """
-        if self.sequences < 1 or self.steps < 1 or self.seed < 0:
+        if min(self.sequences, self.steps, self.shard_size) < 1 or self.seed < 0:
             raise InvalidInputError(
-                "sequences and steps must be at least 1 and the seed at least 0, got "
-                f"{self.sequences}, {self.steps} and {self.seed}"
+                "sequences, steps and shard_size must be at least 1 and the seed at least 0, got "
+                f"{self.sequences}, {self.steps}, {self.shard_size} and {self.seed}"
             )
         if self.mode not in MODES:
             raise InvalidInputError(f"mode must be one of {', '.join(MODES)}, got {self.mode!r}")
@@ -135,8 +136,8 @@ def shard_path(folder: Path, shard: int) -> Path:
 
 def generate_shard(config: GenerationConfig, shard: int, folder: Path) -> tuple[int, int]:
     """Simulate one shard and write it; returns how many sequences succeeded and failed."""
-    first = shard * SHARD_SIZE
-    indices = range(first, min(first + SHARD_SIZE, config.sequences))
+    first = shard * config.shard_size
+    indices = range(first, min(first + config.shard_size, config.sequences))
     samples = [simulate_sequence(config, index) for index in indices]
     _write_shard(config, samples, shard_path(folder, shard))
     failed = sum(bool(sample.failure) for sample in samples)
@@ -152,11 +153,13 @@ def generate(config: GenerationConfig, folder: Path, workers: int = 1) -> tuple[
     if workers < 1:
         raise InvalidInputError(f"workers must be at least 1, got {workers}")
     folder.mkdir(parents=True, exist_ok=True)
-    shards = range(-(-config.sequences // SHARD_SIZE))
+    shards = range(-(-config.sequences // config.shard_size))
     done = [shard for shard in shards if shard_path(folder, shard).exists()]
     for shard in done:
         _check_shard(config, shard, shard_path(folder, shard))
     jobs = [(config, shard, folder) for shard in shards if shard not in done]
+    if workers == 1:
+        return _follow(map(_run_job, jobs), len(shards), len(done))
     # A spawned worker compiles or loads the kernels itself; forking after numba has started its
     # threads is not safe.
     with multiprocessing.get_context("spawn").Pool(workers, _start_worker) as pool:
@@ -216,7 +219,7 @@ def _follow(results: Iterable[tuple[int, int]], shards: int, done: int) -> tuple
 def _meta(config: GenerationConfig) -> dict[str, Any]:
     """What the shards of one run have in common; `sequences` may grow in a later run."""
     values = asdict(config)
-    del values["sequences"]
+    del values["sequences"], values["shard_size"]
     versions = {"format": FORMAT, "numpy": np.__version__, "numba": numba.__version__}
     return json.loads(json.dumps({**values, "versions": versions}))
 
@@ -259,7 +262,7 @@ def _check_shard(config: GenerationConfig, shard: int, path: Path) -> None:
     except (OSError, KeyError, ValueError) as err:
         raise InvalidInputError(f"{path} should be a shard but cannot be read: {err}") from err
     found += len(meta.pop("failures", {}))
-    wanted = min(SHARD_SIZE, config.sequences - shard * SHARD_SIZE)
+    wanted = min(config.shard_size, config.sequences - shard * config.shard_size)
     if meta != _meta(config) or found != wanted:
         raise InvalidInputError(
             f"{path} holds other settings or another number of sequences; use the same again, "
