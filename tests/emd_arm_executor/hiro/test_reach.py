@@ -67,6 +67,16 @@ def test_corners_of_the_cloth_are_within_reach(x: float, height: float) -> None:
     assert LeftArm().reaches(corner[:3], np.radians([0.0, 90.0, -90.0]))
 
 
+def test_workspace_is_within_reach() -> None:
+    """A vertical left hand gets to the corners and the middle of its half of the workspace."""
+    geometry, arm = CellGeometry(), LeftArm()
+    (x0, y0, _), (x1, _, z1) = geometry.workspace_lower, geometry.workspace_upper
+    yaws = np.radians([0.0, 90.0, -90.0, 35.0, -35.0])
+    for x, y, z in itertools.product((x0, x1), (y0, y0 / 2, 0.0), (GRIP_HEIGHT, z1)):
+        point = geometry.transform_table_to_waist @ (x, y, z, 1.0)
+        assert arm.reaches(point[:3], yaws), (x, y, z)
+
+
 def test_reach_ends_soon_beyond_the_cloth() -> None:
     """The reach test can fail: 6 cm beyond the far corner no vertical hand gets to the table."""
     corner = CellGeometry().transform_table_to_waist @ (-0.26, -0.2, GRIP_HEIGHT, 1.0)

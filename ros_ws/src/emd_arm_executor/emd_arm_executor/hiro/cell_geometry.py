@@ -30,8 +30,9 @@ class CellGeometry:
         table_near_edge: x of the table top's edge nearest to the robot, WAIST frame, metres.
         table_size: Depth, width and thickness of the table top, metres.
         floor_height: z of the floor in the WAIST frame, metres.
-        workspace_lower: Lowest corner of the box in which the hands are meant to work, table
-            frame, metres.
+        workspace_lower: Lowest corner of a box, table frame, metres, in which a vertical hand gets
+            to every point, each arm on its own side. At the cloth's corners the arms reach a
+            little beyond it, along the near edge between them they do not.
         workspace_upper: Highest corner of that box.
     """
 
@@ -40,8 +41,8 @@ class CellGeometry:
     table_near_edge: float = 0.0
     table_size: tuple[float, float, float] = (0.70, 1.40, 0.03)
     floor_height: float = -0.80
-    workspace_lower: tuple[float, float, float] = (-0.20, -0.25, 0.0)
-    workspace_upper: tuple[float, float, float] = (0.20, 0.25, 0.10)
+    workspace_lower: tuple[float, float, float] = (-0.18, -0.25, 0.0)
+    workspace_upper: tuple[float, float, float] = (0.16, 0.25, 0.10)
 
     def __post_init__(self) -> None:
         """Check the ranges.

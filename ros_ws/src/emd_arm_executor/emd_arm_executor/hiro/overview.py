@@ -24,9 +24,9 @@ class OverviewPlacement:
         camera: Intrinsics.
     """
 
-    position: tuple[float, float, float] = (-0.85, -0.55, 0.75)
-    target: tuple[float, float, float] = (0.08, 0.0, 0.05)
-    camera: PinholeCamera = PinholeCamera(480, 360, 420.0, 420.0, 239.5, 179.5)
+    position: tuple[float, float, float] = (-1.15, -0.80, 0.80)
+    target: tuple[float, float, float] = (0.15, 0.0, 0.19)
+    camera: PinholeCamera = PinholeCamera(480, 360, 400.0, 400.0, 239.5, 179.5)
 
 
 class OverviewCamera:

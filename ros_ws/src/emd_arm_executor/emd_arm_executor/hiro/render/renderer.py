@@ -103,10 +103,12 @@ class Renderer:
         self.config = config or RenderConfig()
         self._scenery = scenery(self.geometry)
         self._robot = RobotMesh.from_urdf(links, self.config.solids)
-        self._wood = wood_texture(self.geometry)
         depth, width, _ = self.geometry.table_size
         corner = self.geometry.table_centre_in_waist - np.array([depth / 2, width / 2, 0])
-        self._wood_placement = np.array([corner[0], corner[1], WOOD_TEXEL])
+        self._wood = (
+            wood_texture(self.geometry),
+            np.array([corner[0], corner[1], WOOD_TEXEL]),
+        )
         self._mesher: ClothMesher | None = None
         self._mesher_key: tuple[int, int, float] = (0, 0, 0.0)
         self._light = np.array(self.config.light_direction, dtype=np.float64)
@@ -137,22 +139,23 @@ class Renderer:
         draw_perspective(in_camera, mesh.triangles, intrinsics, self.config.near, keys, indices)
         image = np.empty((*keys.shape, 3), dtype=np.uint8)
         image[:] = np.round(255 * np.array(self.config.background))
-        shade(
-            keys,
-            indices,
-            intrinsics,
-            np.ascontiguousarray(transform_camera_to_waist),
+        surface = (
             mesh.vertices,
             mesh.normals,
             mesh.triangles,
             mesh.colours,
             mesh.smooth,
             mesh.materials,
+        )
+        lamp = np.array([*self._light, self.config.ambient, self.config.lamp])
+        shade(
+            keys,
+            indices,
+            intrinsics,
+            np.ascontiguousarray(transform_camera_to_waist),
+            surface,
             self._wood,
-            self._wood_placement,
-            np.array([*self._light, self.config.ambient, self.config.lamp]),
-            self._shadow_keys(mesh),
-            self._waist_to_shadow,
+            (lamp, self._shadow_keys(mesh), self._waist_to_shadow),
             image,
         )
         seen = indices >= 0

@@ -8,6 +8,21 @@ from numpy.typing import NDArray
 
 from emd_core.frames import FloatArray
 
+# Vertices (V, 3) in metres, their normals, triangles (T, 3), their colours, smoothness, materials.
+Surface = tuple[
+    FloatArray,
+    FloatArray,
+    NDArray[np.int32],
+    NDArray[np.float32],
+    NDArray[np.bool_],
+    NDArray[np.uint8],
+]
+# Texture (rows, columns, 3), 0..1; x and y of its corner and the length of a texel, metres.
+Wood = tuple[NDArray[np.float32], FloatArray]
+# Direction towards the lamp (3), ambient share, lamp's share; the nearest keys in the lamp's
+# picture (S, S), (1, 1) for no shadows; the 3 x 4 map from WAIST to its column, row and key.
+Lighting = tuple[FloatArray, FloatArray, FloatArray]
+
 _WOOD = 1
 _TILES = 2
 _TILE_SIZE = 0.5
@@ -22,17 +37,9 @@ def shade(
     indices: NDArray[np.int32],
     intrinsics: FloatArray,
     camera_to_waist: FloatArray,
-    vertices: FloatArray,
-    normals: FloatArray,
-    triangles: NDArray[np.int32],
-    colours: NDArray[np.float32],
-    smooth: NDArray[np.bool_],
-    materials: NDArray[np.uint8],
-    wood: NDArray[np.float32],
-    wood_placement: FloatArray,
-    light: FloatArray,
-    shadow_keys: FloatArray,
-    waist_to_shadow: FloatArray,
+    surface: Surface,
+    wood: Wood,
+    lighting: Lighting,
     image: NDArray[np.uint8],
 ) -> None:
     """Light every pixel that shows a triangle; the others keep the image's colour.
@@ -42,60 +49,71 @@ def shade(
         indices: Triangle seen, shape (H, W), -1 where nothing.
         intrinsics: fx, fy, cx, cy, pixels.
         camera_to_waist: Pose of the optical frame, 4 x 4.
-        vertices: WAIST frame, shape (V, 3), metres.
-        normals: WAIST frame, shape (V, 3).
-        triangles: Shape (T, 3).
-        colours: Shape (T, 3), 0..1.
-        smooth: Whether to interpolate the normals, shape (T,).
-        materials: `Material` of each triangle, shape (T,).
-        wood: Texture of the table top, shape (rows, columns, 3), 0..1.
-        wood_placement: x and y of the texture's corner and the length of a texel, metres.
-        light: Direction towards the lamp (3), ambient share, lamp's share.
-        shadow_keys: Nearest key in the light's picture, shape (S, S); (1, 1) for no shadows.
-        waist_to_shadow: Maps a point to column, row and key of that picture, 3 x 4.
+        surface: The triangles, WAIST frame.
+        wood: Texture of the table top.
+        lighting: The lamp and its shadows.
         image: RGB, shape (H, W, 3); written to.
     """
-    height, width = keys.shape
+    vertices, normals, triangles, colours, smooth, materials = surface
     fx, fy, cx, cy = intrinsics
     # Scalars, not array elements: the compiler cannot know that `image` overlaps none of them.
     r00, r01, r02, tx = camera_to_waist[0]
     r10, r11, r12, ty = camera_to_waist[1]
     r20, r21, r22, tz = camera_to_waist[2]
-    light_x, light_y, light_z, ambient, lamp = light
-    wood_x, wood_y, texel = wood_placement
-    wood_rows, wood_columns = wood.shape[0], wood.shape[1]
-    for row in range(height):
+    # Unsigned indices spare numba the test whether they count from the end.
+    for row in range(np.uintp(keys.shape[0])):
         across_y = (row - cy) / fy
-        for column in range(width):
-            triangle = indices[row, column]
-            if triangle < 0:
+        for column in range(np.uintp(keys.shape[1])):
+            if indices[row, column] < 0:
                 continue
+            triangle = np.uintp(indices[row, column])
             depth = 1.0 / keys[row, column]
             across_x = (column - cx) / fx
             x = (r00 * across_x + r01 * across_y + r02) * depth + tx
             y = (r10 * across_x + r11 * across_y + r12) * depth + ty
             z = (r20 * across_x + r21 * across_y + r22) * depth + tz
-            a = triangles[triangle, 0]
-            nx, ny, nz = normals[a, 0], normals[a, 1], normals[a, 2]
+            corner = np.uintp(triangles[triangle, 0])
+            nx, ny, nz = normals[corner, 0], normals[corner, 1], normals[corner, 2]
             if smooth[triangle]:
                 nx, ny, nz = _normal_at(x, y, z, vertices, normals, triangles[triangle])
-            brightness = ambient * (0.75 + 0.25 * nz)
-            facing = nx * light_x + ny * light_y + nz * light_z
-            if facing > 0.0:
-                px, py, pz = x + _SHADOW_BIAS * nx, y + _SHADOW_BIAS * ny, z + _SHADOW_BIAS * nz
-                brightness += lamp * facing * _visibility(px, py, pz, shadow_keys, waist_to_shadow)
+            scale = 255.0 * _brightness(x, y, z, nx, ny, nz, lighting)
             red, green, blue = colours[triangle, 0], colours[triangle, 1], colours[triangle, 2]
             if materials[triangle] == _WOOD and nz > 0.5:
-                i = min(max(int((x - wood_x) / texel), 0), wood_rows - 1)
-                j = min(max(int((y - wood_y) / texel), 0), wood_columns - 1)
-                red, green, blue = wood[i, j, 0], wood[i, j, 1], wood[i, j, 2]
-            elif materials[triangle] == _TILES:
-                if (int(np.floor(x / _TILE_SIZE)) + int(np.floor(y / _TILE_SIZE))) % 2 == 0:
-                    brightness *= _TILE_SHADE
-            scale = 255.0 * brightness
+                red, green, blue = _wood_at(x, y, wood)
+            elif materials[triangle] == _TILES and (_tile(x) + _tile(y)) % 2 == 0:
+                scale *= _TILE_SHADE
             image[row, column, 0] = np.uint8(min(scale * red, 255.0))
             image[row, column, 1] = np.uint8(min(scale * green, 255.0))
             image[row, column, 2] = np.uint8(min(scale * blue, 255.0))
+
+
+@numba.njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+def _brightness(
+    x: float, y: float, z: float, nx: float, ny: float, nz: float, lighting: Lighting
+) -> float:
+    """Light at a point with a normal: from all around, more of it from above, and the lamp's."""
+    light, shadow_keys, waist_to_shadow = lighting
+    brightness = light[3] * (0.75 + 0.25 * nz)
+    facing = nx * light[0] + ny * light[1] + nz * light[2]
+    if facing > 0.0:
+        px, py, pz = x + _SHADOW_BIAS * nx, y + _SHADOW_BIAS * ny, z + _SHADOW_BIAS * nz
+        visible = _visibility(px, py, pz, shadow_keys, waist_to_shadow)
+        brightness += light[4] * facing * visible
+    return brightness
+
+
+@numba.njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+def _wood_at(x: float, y: float, wood: Wood) -> tuple[float, float, float]:
+    texture, placement = wood
+    row, column = (x - placement[0]) / placement[2], (y - placement[1]) / placement[2]
+    i = np.uintp(min(max(row, 0.0), texture.shape[0] - 1.0))
+    j = np.uintp(min(max(column, 0.0), texture.shape[1] - 1.0))
+    return texture[i, j, 0], texture[i, j, 1], texture[i, j, 2]
+
+
+@numba.njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+def _tile(position: float) -> int:
+    return int(np.floor(position / _TILE_SIZE))
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy", inline="always")
@@ -108,7 +126,7 @@ def _normal_at(
     corners: NDArray[np.int32],
 ) -> tuple[float, float, float]:
     """Interpolate the corners' normals at a point of their triangle."""
-    a, b, c = corners[0], corners[1], corners[2]
+    a, b, c = np.uintp(corners[0]), np.uintp(corners[1]), np.uintp(corners[2])
     ox, oy, oz = vertices[a, 0], vertices[a, 1], vertices[a, 2]
     ux, uy, uz = vertices[b, 0] - ox, vertices[b, 1] - oy, vertices[b, 2] - oz
     vx, vy, vz = vertices[c, 0] - ox, vertices[c, 1] - oy, vertices[c, 2] - oz
@@ -132,17 +150,18 @@ def _visibility(
 ) -> float:
     """Share of the lamp that reaches a point, 0..1, over four texels of its picture."""
     size = shadow_keys.shape[0]
+    one = np.uintp(1)
     u = to_shadow[0, 0] * x + to_shadow[0, 1] * y + to_shadow[0, 2] * z + to_shadow[0, 3]
     v = to_shadow[1, 0] * x + to_shadow[1, 1] * y + to_shadow[1, 2] * z + to_shadow[1, 3]
     light = 1.0
     if u >= 0.0 and v >= 0.0 and u < size - 1 and v < size - 1:
         key = to_shadow[2, 0] * x + to_shadow[2, 1] * y + to_shadow[2, 2] * z + to_shadow[2, 3]
-        column, row = int(u), int(v)
+        column, row = np.uintp(u), np.uintp(v)
         du, dv = u - column, v - row
         here = 1.0 if shadow_keys[row, column] <= key else 0.0
-        right = 1.0 if shadow_keys[row, column + 1] <= key else 0.0
-        below = 1.0 if shadow_keys[row + 1, column] <= key else 0.0
-        beyond = 1.0 if shadow_keys[row + 1, column + 1] <= key else 0.0
+        right = 1.0 if shadow_keys[row, column + one] <= key else 0.0
+        below = 1.0 if shadow_keys[row + one, column] <= key else 0.0
+        beyond = 1.0 if shadow_keys[row + one, column + one] <= key else 0.0
         top, bottom = here + du * (right - here), below + du * (beyond - below)
         light = top + dv * (bottom - top)
     return light
