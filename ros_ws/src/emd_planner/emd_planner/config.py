@@ -30,7 +30,9 @@ class EmdNetConfig:
         code_activation: Of the encoder's last layer (ours).
         manipulation_activation: Of the manipulation module (ours).
         output: Of the decoder (ours): a logistic keeps the prediction between empty and full.
-        biases: Whether layers have biases (ours); they start at 0.
+        biases: Whether layers have biases (ours); they start at 0, but for the decoder's last.
+        output_bias: Where the decoder's last bias starts (ours): -3 is the logit of 5 %, about
+            the share of voxels that a cloth occupies.
         convolution_init: Half-width of the uniform initial weights of encoder and decoder.
         manipulation_init: The same for the manipulation module.
         manipulation_input_init: The same for the connections from the manipulation inputs.
@@ -47,6 +49,7 @@ class EmdNetConfig:
     manipulation_activation: Activation = "leaky_relu"
     output: Literal["logistic", "identity"] = "logistic"
     biases: bool = True
+    output_bias: float = -3.0
     convolution_init: float = 0.05
     manipulation_init: float = 0.001
     manipulation_input_init: float = 0.05
@@ -132,7 +135,10 @@ class TrainingConfig:
         final_learning_rate_share: Last learning rate over the peak (adamw).
         warm_up_share: Part of the run in which the learning rate rises linearly (adamw).
         weight_decay: Of AdamW, on weight matrices only.
-        consistency_weight: Weight of loss_c beside loss_s (adamw).
+        state_objective: What is minimised for the predicted states: "squared", which is loss_s,
+            or "cross_entropy" (adamw; ours), which has the same optimum for binary states and
+            steeper gradients where a prediction is firm and wrong. loss_s is reported either way.
+        consistency_weight: Weight of loss_c beside it (adamw).
         reconstruction_weight: Weight of the auto-encoder loss D(E(s)) against s (ours; 0: none).
         gradient_clip: Largest norm of the gradient (adamw).
         average_decay: Decay of the moving average of the weights, which is what is validated and
@@ -151,6 +157,7 @@ class TrainingConfig:
     final_learning_rate_share: float = 0.01
     warm_up_share: float = 0.03
     weight_decay: float = 0.01
+    state_objective: Literal["squared", "cross_entropy"] = "cross_entropy"
     consistency_weight: float = 0.1
     reconstruction_weight: float = 0.0
     gradient_clip: float = 1.0

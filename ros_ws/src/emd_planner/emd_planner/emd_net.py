@@ -82,7 +82,10 @@ class EmdNet(nn.Module):
 
     def decode(self, codes: Tensor) -> Tensor:
         """Expand codes (B, C) to real-valued states (B, X, Y, Z): D(c) (III-A)."""
-        logits = self.decode_logits(codes)
+        return self.output(self.decode_logits(codes))
+
+    def output(self, logits: Tensor) -> Tensor:
+        """Apply the output's nonlinearity to what `decode_logits` gives."""
         return logits.sigmoid() if self.config.output == "logistic" else logits
 
     def roll_out(self, codes: Tensor, manipulations: Tensor) -> list[Tensor]:
@@ -169,6 +172,8 @@ class Decoder(nn.Module):
     def initialise(self, generator: torch.Generator) -> None:
         """Draw the weights uniformly (III-A)."""
         _initialise_convolutions(self.layers, self.config.convolution_init, generator)
+        if self.config.biases:
+            nn.init.constant_(cast(Tensor, self.layers[-1].bias), self.config.output_bias)
 
     def forward(self, maps: Tensor) -> Tensor:
         """Decode, without the output's nonlinearity."""

@@ -31,14 +31,20 @@ class Losses:
         codes = net.encode(grids.flatten(0, 1)).unflatten(0, (batch, steps + 1))
         predicted = torch.stack(net.roll_out(codes[:, 0], manipulations), dim=1)
         actual = grids.float()
-        decoded = net.decode(predicted.flatten(0, 1))
-        self.state = state_loss(decoded, actual[:, 1:].flatten(0, 1)).mean()
+        logits, wanted = net.decode_logits(predicted.flatten(0, 1)), actual[:, 1:].flatten(0, 1)
+        self.state = state_loss(net.output(logits), wanted).mean()
+        self._logits, self._wanted = logits, wanted
         self.consistency = consistency_loss(
             predicted.flatten(0, 1), codes[:, 1:].flatten(0, 1)
         ).mean()
         self.reconstruction = self.state.new_zeros(())
         if reconstruct:
             self.reconstruction = state_loss(net.decode(codes[:, 0]), actual[:, 0]).mean()
+
+    @property
+    def cross_entropy(self) -> Tensor:
+        """Of the same predictions as `state`, mean over all voxels, for a logistic output."""
+        return nn.functional.binary_cross_entropy_with_logits(self._logits, self._wanted)
 
 
 class AdamWRecipe:
@@ -63,7 +69,8 @@ class AdamWRecipe:
     def step(self, losses: Losses, progress: float) -> None:
         """Change the weights; `progress` is the part of the run that is over, 0..1."""
         config = self.config
-        total = losses.state + config.consistency_weight * losses.consistency
+        state = losses.state if config.state_objective == "squared" else losses.cross_entropy
+        total = state + config.consistency_weight * losses.consistency
         total = total + config.reconstruction_weight * losses.reconstruction
         for group in self.optimiser.param_groups:
             group["lr"] = config.learning_rate * learning_rate_share(progress, config)
