@@ -41,7 +41,7 @@ def test_held_point_stays_at_the_hand() -> None:
 def test_hand_turns_what_it_holds() -> None:
     """Held vertices keep their places in the tool frame when it turns."""
     # A strong grip: turning the whole cloth on the desk takes more than the default.
-    config = ClothConfig(vertices=(15, 15), grasp_radius=0.035, grip_force=20.0)
+    config = ClothConfig(vertices=(15, 15), grasp_radius=0.035, grip_force=20.0, press_force=20.0)
     cloth = Cloth(config)
     assert cloth.grasp(0, tool_at(0.0, 0.0)) == 5
     held = np.flatnonzero(np.linalg.norm(cloth.positions_in_table[:, :2], axis=1) < 0.035)

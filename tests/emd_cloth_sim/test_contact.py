@@ -4,21 +4,22 @@ import numpy as np
 import pytest
 from numba import njit
 
-from emd_cloth_sim.contact import _closest_on_triangle, collide_with_desk
-from emd_cloth_sim.edge_contact import _closest_on_segments
+from emd_cloth_sim.closest_points import closest_on_segments as segments_kernel
+from emd_cloth_sim.closest_points import closest_on_triangle as triangle_kernel
+from emd_cloth_sim.contact import collide_with_desk
 
 
 @njit
 def closest_on_triangle(points: np.ndarray) -> tuple[float, float, float]:
     """Call the inlined kernel for vertex 0 and the triangle 1, 2, 3."""
     x, y, z = points[0]
-    return _closest_on_triangle(x, y, z, points, 1, 2, 3)
+    return triangle_kernel(x, y, z, points, 1, 2, 3)
 
 
 @njit
 def closest_on_segments(points: np.ndarray) -> tuple[float, float, float, float, float, float]:
     """Call the inlined kernel for the segments 0-1 and 2-3."""
-    return _closest_on_segments(points, 0, 1, 2, 3)
+    return segments_kernel(points, 0, 1, 2, 3)
 
 
 @pytest.mark.parametrize("seed", range(30))

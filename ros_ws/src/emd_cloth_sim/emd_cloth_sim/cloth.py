@@ -11,16 +11,16 @@ from emd_cloth_sim.config import ClothConfig
 from emd_cloth_sim.diagnostics import ClothDiagnostics, diagnose
 from emd_cloth_sim.hand import Hand, check_transform
 from emd_cloth_sim.mesh import build_mesh, flat_positions
+from emd_cloth_sim.step_data import (
+    ClothState,
+    Held,
+    constraints_of,
+    contact_memory,
+    step_settings,
+)
 from emd_cloth_sim.xpbd import advance_step
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FloatArray
-
-# Way in metres that the cloth may move before the pairs that can touch are searched again:
-# a longer one means more pairs to look at, a shorter one more searches.
-CONTACT_MARGIN = 0.004
-# Share of the thickness at which edges push each other apart.
-EDGE_THICKNESS = 0.5
-GRID_CELLS = 60_000
 
 
 class Cloth:
@@ -35,20 +35,13 @@ class Cloth:
         self.mesh = build_mesh(self.config.vertices, self.config.spacing)
         self._position = flat_positions(self.config.vertices, self.config.side_lengths)
         self._position[:, 2] = 0.5 * self.config.thickness
-        self._previous = self._position.copy()
         self._velocity = np.zeros_like(self._position)
+        self._state = ClothState(self._position, self._position.copy(), self._velocity)
+        self._constraints = constraints_of(self.mesh, self.config)
+        self._memory = contact_memory(self.mesh, len(self._position))
+        self._growth = 1
         self._hands = (Hand(), Hand())
         self._slow_time = self.config.settle_time
-        self._shortest_spans = self.config.sharpest_fold * self.mesh.span_lengths
-        self._contact_values = self._contact_constants()
-        self._contact_state = np.array([-1.0, 0.0, 0.0])
-        self._broad = _broad_phase(len(self.mesh.triangles))
-        self._edge_broad = _broad_phase(len(self.mesh.edges))
-        self._triangle_boxes = np.empty((len(self.mesh.triangles), 6))
-        self._edge_boxes = np.empty((len(self.mesh.edges), 6))
-        self._candidates = _candidate_lists(16 * len(self._position))
-        self._edge_candidates = _candidate_lists(32 * len(self._position))
-        self._kept_sides = (np.empty(512, np.int32), np.empty(512, np.int32), np.empty(512))
 
     @classmethod
     def from_positions(
@@ -71,7 +64,6 @@ class Cloth:
         if not np.isfinite(positions).all():
             raise InvalidInputError("positions must be finite, got NaN or infinity")
         cloth._position[:] = positions
-        cloth._previous[:] = positions
         cloth._slow_time = 0.0
         return cloth
 
@@ -201,59 +193,25 @@ class Cloth:
             self._velocity[:] = 0.0
 
     def _advance_step(self, duration: float, start: float, end: float) -> None:
-        config = self.config
-        substeps = config.mesh_substeps
-        substep = duration / substeps
-        held, held_start, held_end, reach = self._held(start, end, substep)
+        substep = duration / self.config.mesh_substeps
+        held = self._held(start, end, substep)
+        settings = step_settings(self.config, substep)
         first = 0
         while True:
             first = advance_step(
-                self._position,
-                self._previous,
-                self._velocity,
-                self.mesh.edges,
-                self.mesh.edge_lengths,
-                self.mesh.right_angles,
-                math.sqrt(config.spacing[0] * config.spacing[1]),
-                self.mesh.spans,
-                self._shortest_spans,
-                self.mesh.triples,
-                self._scaled_compliances(substep),
-                np.array(config.gravity),
-                config.damping,
-                config.max_speed,
-                substep,
-                first,
-                substeps,
-                held,
-                held_start,
-                held_end,
-                reach,
-                self.mesh.triangles,
-                self._broad,
-                self._triangle_boxes,
-                self._candidates,
-                self._kept_sides,
-                self._edge_broad,
-                self._edge_boxes,
-                self._edge_candidates,
-                self._contact_values,
-                self._contact_state,
+                self._state, self._constraints, held, self._memory, settings, first
             )
-            if first == substeps:
+            if first == settings.substeps:
                 return
-            self._candidates = _candidate_lists(2 * len(self._candidates[0]))
-            self._edge_candidates = _candidate_lists(2 * len(self._edge_candidates[0]))
+            self._growth *= 2
+            self._memory = contact_memory(self.mesh, len(self._position), self._growth)
 
-    def _held(
-        self, start: float, end: float, substep: float
-    ) -> tuple[NDArray[np.int32], FloatArray, FloatArray, FloatArray]:
-        """Held vertices, their places at the step's start and end, and their reach a substep."""
+    def _held(self, start: float, end: float, substep: float) -> Held:
         reach = [
             np.tile(self._reach(len(hand.held), substep), (len(hand.held), 1))
             for hand in self._hands
         ]
-        return (
+        return Held(
             np.concatenate([hand.held for hand in self._hands]),
             np.concatenate([hand.held_positions(start) for hand in self._hands]),
             np.concatenate([hand.held_positions(end) for hand in self._hands]),
@@ -263,53 +221,4 @@ class Cloth:
     def _reach(self, held: int, substep: float) -> FloatArray:
         """Ways that a vertex's share of grip and press force moves it in one substep, metres."""
         force = np.array([self.config.grip_force, self.config.press_force]) / max(held, 1)
-        return force / self.config.vertex_mass * substep**2
-
-    def _scaled_compliances(self, substep: float) -> FloatArray:
-        """Compliances of stretch, shear and bending times vertex mass over squared substep."""
-        config = self.config
-        area = config.spacing[0] * config.spacing[1]
-        bending = area / config.bending_rigidity if config.bending_rigidity > 0 else np.inf
-        # A triangle stores half of the shear energy of its cell.
-        shear = 2.0 * config.shear_compliance
-        compliances = np.array([config.stretch_compliance, shear, bending])
-        return compliances * config.vertex_mass / substep**2
-
-    def _contact_constants(self) -> FloatArray:
-        config = self.config
-        # Corners of a right-angled half cell lie within 2/3 of its median from its centre;
-        # the factor allows for a tenth of stretch.
-        radius = 1.1 * 0.5 * 2 / 3 * math.hypot(2 * max(config.spacing), max(config.spacing))
-        return np.array(
-            [
-                config.thickness,
-                CONTACT_MARGIN,
-                radius,
-                config.cloth_friction,
-                config.desk_friction,
-                EDGE_THICKNESS * config.thickness * config.edge_contact,
-                1.15 * max(config.spacing),
-            ]
-        )
-
-
-def _broad_phase(
-    count: int,
-) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    return (
-        np.empty((count, 3)),
-        np.empty(count, np.int64),
-        np.empty(count, np.int64),
-        np.empty(GRID_CELLS, np.int64),
-    )
-
-
-def _candidate_lists(
-    size: int,
-) -> tuple[NDArray[np.int32], NDArray[np.int32], FloatArray, FloatArray]:
-    return (
-        np.empty(size, np.int32),
-        np.empty(size, np.int32),
-        np.empty(size),
-        np.empty(size),
-    )
+        return np.asarray(force / self.config.vertex_mass * substep**2)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from emd_cloth_sim.contact import sort_into_cells
+from emd_cloth_sim.broad_phase import Cells, allocate_cells, sort_into_cells
 from emd_cloth_sim.mesh import IndexArray, SheetMesh
 from emd_core.errors import SimulationError
 from emd_core.frames import FloatArray
@@ -81,26 +81,21 @@ def diagnose(position: FloatArray, mesh: SheetMesh, thickness: float) -> ClothDi
 def count_crossings(position: FloatArray, mesh: SheetMesh) -> int:
     """Count the pairs of edge and triangle, without a common vertex, that intersect."""
     corners = position[mesh.triangles]
-    centres = np.ascontiguousarray(corners.mean(axis=1))
+    centres = corners.mean(axis=1)
     radius = float(np.linalg.norm(corners - centres[:, None], axis=2).max())
     ends = position[mesh.edges]
     reach = radius + 0.5 * float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).max())
-    count = len(centres)
-    broad = (
-        centres,
-        np.empty(count, np.int64),
-        np.empty(count, np.int64),
-        np.empty(100_000, np.int64),
-    )
-    return int(_count_crossings(position, mesh.triangles, mesh.edges, reach, broad))
+    cells = allocate_cells(len(centres))
+    cells.points[:] = centres
+    return int(_count_crossings(position, mesh.triangles, mesh.edges, reach, cells))
 
 
 @njit(cache=True)
 def _count_crossings(
-    position: FloatArray, triangles: IndexArray, edges: IndexArray, reach: float, broad: tuple
+    position: FloatArray, triangles: IndexArray, edges: IndexArray, reach: float, cells: Cells
 ) -> int:
-    centres, _, order, first = broad
-    low, cell, count = sort_into_cells(centres, reach, broad)
+    order, first = cells.order, cells.first
+    low, cell, count = sort_into_cells(cells, reach)
     crossings = 0
     for e in range(edges.shape[0]):
         p, q = edges[e, 0], edges[e, 1]

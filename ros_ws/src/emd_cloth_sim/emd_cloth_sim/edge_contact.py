@@ -9,115 +9,36 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
 
-from emd_cloth_sim.contact import sort_into_cells
+from emd_cloth_sim.broad_phase import Candidates, Cells, fill_boxes, sort_into_cells
+from emd_cloth_sim.closest_points import closest_on_segments, height_over_edge
+from emd_cloth_sim.mesh import IndexArray
 from emd_core.frames import FloatArray
-
-
-@njit(cache=True, inline="always")
-def _closest_on_segments(
-    position: FloatArray, p: int, q: int, u: int, w: int
-) -> tuple[float, float, float, float, float, float]:
-    """Parameters of the closest points of segments p-q and u-w, and the vector between them.
-
-    Ericson, "Real-Time Collision Detection", 5.1.9.
-    """
-    d1x, d1y, d1z = (
-        position[q, 0] - position[p, 0],
-        position[q, 1] - position[p, 1],
-        position[q, 2] - position[p, 2],
-    )
-    d2x, d2y, d2z = (
-        position[w, 0] - position[u, 0],
-        position[w, 1] - position[u, 1],
-        position[w, 2] - position[u, 2],
-    )
-    rx, ry, rz = (
-        position[p, 0] - position[u, 0],
-        position[p, 1] - position[u, 1],
-        position[p, 2] - position[u, 2],
-    )
-    a = d1x * d1x + d1y * d1y + d1z * d1z
-    e = d2x * d2x + d2y * d2y + d2z * d2z
-    f = d2x * rx + d2y * ry + d2z * rz
-    c = d1x * rx + d1y * ry + d1z * rz
-    b = d1x * d2x + d1y * d2y + d1z * d2z
-    determinant = a * e - b * b
-    s = 0.5
-    if determinant > 1e-3 * a * e:
-        s = min(max((b * f - c * e) / determinant, 0.0), 1.0)
-    t = (b * s + f) / e
-    if t < 0.0:
-        t = 0.0
-        s = min(max(-c / a, 0.0), 1.0)
-    elif t > 1.0:
-        t = 1.0
-        s = min(max((b - c) / a, 0.0), 1.0)
-    return (
-        s,
-        t,
-        rx + s * d1x - t * d2x,
-        ry + s * d1y - t * d2y,
-        rz + s * d1z - t * d2z,
-        determinant / (a * e),
-    )
-
-
-@njit(cache=True, inline="always")
-def _height_over_edge(
-    position: FloatArray, p: int, q: int, u: int, w: int
-) -> tuple[float, float, float, float]:
-    """Signed distance of the lines p-q and u-w, and their common unit normal; 0 if parallel."""
-    ax, ay, az = (
-        position[q, 0] - position[p, 0],
-        position[q, 1] - position[p, 1],
-        position[q, 2] - position[p, 2],
-    )
-    bx, by, bz = (
-        position[w, 0] - position[u, 0],
-        position[w, 1] - position[u, 1],
-        position[w, 2] - position[u, 2],
-    )
-    nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    length = math.sqrt(nx * nx + ny * ny + nz * nz)
-    if length < 1e-14:
-        return 0.0, 0.0, 0.0, 0.0
-    nx /= length
-    ny /= length
-    nz /= length
-    height = (
-        nx * (position[p, 0] - position[u, 0])
-        + ny * (position[p, 1] - position[u, 1])
-        + nz * (position[p, 2] - position[u, 2])
-    )
-    return height, nx, ny, nz
 
 
 @njit(cache=True)
 def find_edge_candidates(
     position: FloatArray,
-    edges: np.ndarray,
+    edges: IndexArray,
     reach: float,
     thickness: float,
     longest: float,
-    broad: tuple,
-    boxes: FloatArray,
-    candidates: tuple,
+    cells: Cells,
+    candidates: Candidates,
 ) -> int:
     """List the pairs of edges closer than `reach`; -1 if the lists are too short.
 
-    `longest` bounds the length of an edge; `boxes` (E, 6) is working memory. `candidates` is
-    (first edge, second edge, orientation, way at which the pair wakes).
+    `longest` bounds the length of an edge.
     """
-    middles, cell_of, order, first = broad
+    middles, cell_of, boxes = cells.points, cells.cell_of, cells.boxes
+    order, first = cells.order, cells.first
     for e in range(edges.shape[0]):
         p, q = edges[e, 0], edges[e, 1]
         for k in range(3):
             middles[e, k] = 0.5 * (position[p, k] + position[q, k])
-    _, _, count = sort_into_cells(middles, reach + longest, broad)
-    _fill_boxes(position, edges, order, 0.5 * reach, boxes)
+    _, _, count = sort_into_cells(cells, reach + longest)
+    fill_boxes(position, edges, 0.5 * reach, cells)
     found = 0
     for m in range(edges.shape[0]):
         e = order[m]
@@ -148,33 +69,21 @@ def find_edge_candidates(
     return found
 
 
-@njit(cache=True)
-def _fill_boxes(
-    position: FloatArray, edges: np.ndarray, order: np.ndarray, pad: float, boxes: FloatArray
-) -> None:
-    """Bounding boxes of the edges, grown by `pad`, in the order of their cells."""
-    for m in range(edges.shape[0]):
-        p, q = edges[order[m], 0], edges[order[m], 1]
-        for k in range(3):
-            boxes[m, 2 * k] = min(position[p, k], position[q, k]) - pad
-            boxes[m, 2 * k + 1] = max(position[p, k], position[q, k]) + pad
-
-
 @njit(cache=True, inline="always")
 def _add_if_near(
     position: FloatArray,
-    edges: np.ndarray,
+    edges: IndexArray,
     e: int,
     g: int,
     reach: float,
     thickness: float,
-    candidates: tuple,
+    candidates: Candidates,
     found: int,
 ) -> int:
     p, q, u, w = edges[e, 0], edges[e, 1], edges[g, 0], edges[g, 1]
     if p == u or p == w or q == u or q == w:
         return found
-    _, _, x, y, z, _ = _closest_on_segments(position, p, q, u, w)
+    _, _, x, y, z, _ = closest_on_segments(position, p, q, u, w)
     distance = math.sqrt(x * x + y * y + z * z)
     if distance > reach:
         return found
@@ -183,7 +92,7 @@ def _add_if_near(
         return -1
     one[found] = e
     other[found] = g
-    height = _height_over_edge(position, p, q, u, w)[0]
+    height = height_over_edge(position, p, q, u, w)[0]
     side[found] = 1.0 if height >= 0.0 else -1.0
     wake[found] = distance - thickness if distance > thickness else -1.0
     return found + 1
@@ -192,8 +101,8 @@ def _add_if_near(
 @njit(cache=True)
 def collide_edges(
     position: FloatArray,
-    edges: np.ndarray,
-    candidates: tuple,
+    edges: IndexArray,
+    candidates: Candidates,
     count: int,
     travelled: float,
     thickness: float,
@@ -206,7 +115,7 @@ def collide_edges(
             continue
         p, q = edges[one[n], 0], edges[one[n], 1]
         u, w = edges[other[n], 0], edges[other[n], 1]
-        height, nx, ny, nz = _height_over_edge(position, p, q, u, w)
+        height, nx, ny, nz = height_over_edge(position, p, q, u, w)
         slept = wake[n] >= 0.0
         if slept:
             side[n] = 1.0 if height >= 0.0 else -1.0
@@ -214,7 +123,7 @@ def collide_edges(
         if height >= thickness:
             wake[n] = travelled + height - thickness
             continue
-        s, t, x, y, z, sine = _closest_on_segments(position, p, q, u, w)
+        s, t, x, y, z, sine = closest_on_segments(position, p, q, u, w)
         if s <= 0.0 or s >= 1.0 or t <= 0.0 or t >= 1.0 or sine < 1e-3:
             distance = math.sqrt(x * x + y * y + z * z)
             if distance >= thickness:
