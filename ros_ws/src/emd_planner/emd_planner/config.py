@@ -151,9 +151,9 @@ class TrainingConfig:
     """
 
     recipe: Literal["adamw", "manhattan"] = "adamw"
-    batch_size: int = 64
+    batch_size: int = 32
     rollout_steps: int = 2
-    learning_rate: float = 1e-3
+    learning_rate: float = 5e-4
     final_learning_rate_share: float = 0.01
     warm_up_share: float = 0.03
     weight_decay: float = 0.01
