@@ -128,9 +128,11 @@ def _simplify(points: FloatArray, corners: NDArray[np.intp], tolerance: float) -
     hems. Either one corner goes, or two neighbours make way for one between them.
     """
     sparse = points[:: max(1, len(points) // 200)]
+    # Fitted lines may leave a single stray cell behind; what is bad already need not get better.
+    allowed = max(1.1 * tolerance, _misfit(points, corners, sparse, tolerance))
     while len(corners) > 3:
         for option in _simpler(points, corners):
-            if _misfit(points, option, sparse, tolerance) <= 1.1 * tolerance:
+            if _misfit(points, option, sparse, tolerance) <= allowed:
                 corners = option
                 break
         else:

@@ -11,13 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from ruckig import ControlInterface, InputParameter, Result, Ruckig, Trajectory
 from scipy.interpolate import CubicSpline
 
 from emd_arm_executor.joint_path import JointPath
 from emd_arm_executor.joint_trajectory import JointTrajectory
 from emd_arm_executor.motion_limits import MotionLimits
-from emd_core.errors import InvalidInputError
+from emd_arm_executor.path_profile import PathProfile, PathState
 from emd_core.frames import FloatArray
 
 # Instants at which a motion is checked against the joints' limits.
@@ -33,41 +32,46 @@ class TimedPath:
 
     Attributes:
         path: The curve.
-        profile: Ruckig's motion of the path parameter.
+        profile: Motion of the path parameter.
         offset: Time in the profile at which this motion starts, seconds.
     """
 
     path: JointPath
-    profile: Trajectory
+    profile: PathProfile
     offset: float = 0.0
 
     @property
     def duration(self) -> float:
         """Length in time, seconds."""
-        return max(float(self.profile.duration) - self.offset, 0.0)
+        return max(self.profile.duration - self.offset, 0.0)
 
-    def parameter_at(self, time: float) -> tuple[float, float, float]:
-        """Give the path parameter, its velocity and its acceleration at a time."""
-        clipped = min(max(time, 0.0), self.duration)
-        position, velocity, acceleration = self.profile.at_time(clipped + self.offset)
-        bounded = min(max(position[0], 0.0), self.path.length)
-        return bounded, float(velocity[0]), float(acceleration[0])
+    def state_at(self, time: float) -> PathState:
+        """Give the path parameter's state at a time; the ends hold."""
+        position, velocity, acceleration, _ = self.profile.sample(np.array([time + self.offset]))
+        return PathState(float(position[0]), float(velocity[0]), float(acceleration[0]))
+
+    def joint_motion(
+        self, times: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Give positions, velocities, accelerations and jerks of the joints, each (T, n)."""
+        s, v, a, j = (row[:, None] for row in self.profile.sample(times + self.offset))
+        parameter = np.clip(s[:, 0], 0.0, self.path.length)
+        first, second, third = self.path.derivatives(parameter)
+        return (
+            self.path.positions(parameter),
+            first * v,
+            second * v**2 + first * a,
+            third * v**3 + 3.0 * second * v * a + first * j,
+        )
 
     def sample(self, period: float) -> JointTrajectory:
         """Sample positions, velocities and accelerations every `period` seconds, ends included."""
         count = max(1, int(np.ceil(self.duration / period - 1e-9)))
         times = np.append(np.arange(count) * period, self.duration)
         if self.duration <= 0.0:
-            times = np.array([0.0])
-        s, v, a = np.array([self.parameter_at(time) for time in times]).T
-        first, second, _ = self.path.derivatives(s)
-        return JointTrajectory(
-            self.path.joint_names,
-            times,
-            self.path.positions(s),
-            first * v[:, None],
-            second * v[:, None] ** 2 + first * a[:, None],
-        )
+            times = np.zeros(1)
+        positions, velocities, accelerations, _ = self.joint_motion(times)
+        return JointTrajectory(self.path.joint_names, times, positions, velocities, accelerations)
 
 
 def time_path(path: JointPath, limits: MotionLimits, max_speed: float | None = None) -> TimedPath:
@@ -131,13 +135,13 @@ def _fit(path: JointPath, limits: MotionLimits, share: float) -> TimedPath:
     steepest = np.maximum(np.abs(path.derivatives(path.spline.x)[0]).max(axis=0), 1e-9)
     acceleration = share * float((limits.acceleration / steepest).min())
     jerk = share * float((limits.jerk / steepest).min())
-    trial = TimedPath(path, _rest_to_rest(path.length, 1.0, acceleration, jerk))
-    velocity, excess, sudden = limits.excess(*_joint_motion(trial))
+    trial = TimedPath(path, PathProfile.rest_to_rest(path.length, 1.0, acceleration, jerk))
+    velocity, excess, sudden = limits.excess(*_checked_motion(trial))
     slower = max(velocity, excess ** (1 / 2), sudden ** (1 / 3), 1.0)
     if slower > 1.0:
         slower *= 1.0 + 1e-3
         scaled = (1.0 / slower, acceleration / slower**2, jerk / slower**3)
-        trial = TimedPath(path, _rest_to_rest(path.length, *scaled))
+        trial = TimedPath(path, PathProfile.rest_to_rest(path.length, *scaled))
     return trial
 
 
@@ -155,24 +159,23 @@ def stop_path(timed: TimedPath, time: float, limits: MotionLimits) -> TimedPath:
         A motion on the same path, from the state at `time` to rest.
     """
     rest = TimedPath(timed.path, timed.profile, timed.offset + min(max(time, 0.0), timed.duration))
-    state = timed.parameter_at(time)
-    speed = abs(state[1])
-    if time >= timed.duration or speed < 1e-9:
+    if time >= timed.duration:
         return rest
-    ahead = np.linspace(state[0], timed.path.length, 64)
+    state = timed.state_at(time)
+    ahead = np.linspace(state.position, timed.path.length, 64)
     first = np.abs(timed.path.derivatives(ahead)[0])
     steepest = np.maximum(first.max(axis=0), 1e-9)
     acceleration = float((limits.acceleration / steepest).min())
     jerk = float((limits.jerk / steepest).min())
     stop = rest
     for _ in range(8):
-        stop = TimedPath(timed.path, _to_rest(state, acceleration, jerk))
-        _, too_hard, too_sudden = limits.excess(*_joint_motion(stop))
+        stop = TimedPath(timed.path, PathProfile.to_rest(state, acceleration, jerk))
+        _, too_hard, too_sudden = limits.excess(*_checked_motion(stop))
         if max(too_hard, too_sudden) <= 1.0:
             break
         acceleration /= max(too_hard, 1.0)
         jerk /= max(too_sudden, 1.0)
-    end = float(stop.profile.at_time(stop.duration)[0][0])
+    end = stop.state_at(stop.duration).position
     if end > timed.path.length or stop.duration > rest.duration:
         return rest
     return stop
@@ -185,46 +188,6 @@ def stop_trajectory(
     return stop_path(timed, time, limits).sample(period)
 
 
-def _joint_motion(timed: TimedPath) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _checked_motion(timed: TimedPath) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Give velocities, accelerations and jerks of the joints at many instants, each (T, n)."""
-    times = np.linspace(0.0, timed.duration, _CHECKS)
-    s, v, a = np.array([timed.parameter_at(time) for time in times]).T[..., None]
-    jerk = np.gradient(a[:, 0], times)[:, None] if timed.duration > 0.0 else np.zeros_like(a)
-    first, second, third = timed.path.derivatives(s[:, 0])
-    return (
-        first * v,
-        second * v**2 + first * a,
-        third * v**3 + 3.0 * second * v * a + first * jerk,
-    )
-
-
-def _rest_to_rest(length: float, speed: float, acceleration: float, jerk: float) -> Trajectory:
-    request = InputParameter(1)
-    request.current_position, request.target_position = [0.0], [length]
-    request.max_velocity = [speed]
-    request.max_acceleration = [acceleration]
-    request.max_jerk = [jerk]
-    return _calculate(request)
-
-
-def _to_rest(state: tuple[float, float, float], acceleration: float, jerk: float) -> Trajectory:
-    request = InputParameter(1)
-    request.control_interface = ControlInterface.Velocity
-    request.current_position = [state[0]]
-    request.current_velocity = [state[1]]
-    request.current_acceleration = [state[2]]
-    request.target_velocity, request.target_acceleration = [0.0], [0.0]
-    # Ruckig refuses a start above its limit; what the motion has already is allowed.
-    request.max_acceleration = [max(acceleration, abs(state[2]))]
-    request.max_jerk = [jerk]
-    return _calculate(request)
-
-
-def _calculate(request: InputParameter) -> Trajectory:
-    trajectory = Trajectory(1)
-    result = Ruckig(1).calculate(request, trajectory)
-    if result not in (Result.Working, Result.Finished):
-        raise InvalidInputError(
-            f"Ruckig finds no motion along the path ({result}): {request}; check the limits"
-        )
-    return trajectory
+    return timed.joint_motion(np.linspace(0.0, timed.duration, _CHECKS))[1:]

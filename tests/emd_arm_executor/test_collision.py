@@ -1,0 +1,95 @@
+"""Collisions of arms with the table, the body and each other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from emd_arm_executor.collision import TABLE, Contact
+from emd_arm_executor.robot_model import RobotModel
+from emd_core.errors import CollisionError
+from emd_core.frames import FloatArray
+
+
+def _hand_at(robot: RobotModel, arm: str, x: float, y: float, z: float) -> FloatArray:
+    """Joints of an arm with its hand vertical at a point of the table frame."""
+    vertical = np.array(
+        [[1.0, 0.0, 0.0, x], [0.0, -1.0, 0.0, y], [0.0, 0.0, -1.0, z], [0.0, 0.0, 0.0, 1.0]]
+    )
+    target = robot.transform_table_to_base @ vertical
+    return robot.arms[arm].solve(target, robot.rest_positions([arm]))
+
+
+def _configuration(robot: RobotModel, **arms: FloatArray) -> FloatArray:
+    names = robot.joint_names(list(arms))
+    widths = dict.fromkeys(arms, 0.0)
+    positions = np.concatenate(list(arms.values()))[None]
+    return robot.configurations({}, names, positions, widths)[0]
+
+
+def test_rest_touches_nothing(robot: RobotModel) -> None:
+    """The posture in which the arms wait is free."""
+    rest = robot.rest_positions(["left", "right"])
+    assert robot.collision.contact(_configuration(robot, left=rest[:6], right=rest[6:])) is None
+
+
+def test_nails_may_touch_the_table_but_not_sink_into_it(robot: RobotModel) -> None:
+    """A gripping hand is free 1 mm above the table and caught 10 mm below its surface."""
+    free = _configuration(robot, left=_hand_at(robot, "left", 0.0, -0.15, 0.001))
+    sunk = _configuration(robot, left=_hand_at(robot, "left", 0.0, -0.15, -0.010))
+    assert robot.collision.contact(free) is None
+    found = robot.collision.contacts(sunk)
+    assert {"table", "LHAND_JOINT1_nail"} in [{c.first, c.second} for c in found]
+
+
+def test_hands_at_one_place_collide(robot: RobotModel) -> None:
+    """Both hands over the same point touch; 0.25 m apart they do not."""
+    left = _hand_at(robot, "left", 0.0, -0.02, 0.05)
+    right = _hand_at(robot, "right", 0.0, 0.02, 0.05)
+    found = robot.collision.contacts(_configuration(robot, left=left, right=right))
+    sides = [{c.first[0], c.second[0]} for c in found]
+    assert {"L", "R"} in sides
+    apart = _configuration(
+        robot,
+        left=_hand_at(robot, "left", 0.0, -0.125, 0.05),
+        right=_hand_at(robot, "right", 0.0, 0.125, 0.05),
+    )
+    assert robot.collision.contact(apart) is None
+
+
+def test_pairs_are_symmetric_and_keep_what_matters(robot: RobotModel) -> None:
+    """Arm against arm, hand against body and hand against table are always checked."""
+    pairs = [{c.first, c.second} for c in robot.collision.pairs]
+    for side, other in (("L", "R"), ("R", "L")):
+        assert {f"{side}ARM_JOINT4_Link", f"{other}ARM_JOINT4_Link"} in pairs
+        assert {f"{side}HAND_JOINT1_Link", "CHEST_JOINT0_Link"} in pairs
+        assert {f"{side}ARM_JOINT3_Link", "HEAD_JOINT1_Link"} in pairs
+        assert {f"{side}ARM_JOINT5_Link", TABLE} in pairs
+        assert {f"{side}ARM_JOINT1_Link", f"{side}ARM_JOINT2_Link"} not in pairs
+        assert {f"{side}HAND_JOINT1_Link", f"{side}HAND_JOINT3_Link"} not in pairs
+
+
+def test_pairs_are_chosen_the_same_way_every_time(robot: RobotModel) -> None:
+    """Two checkers built alike check the same pairs."""
+    again = RobotModel(robot.description)
+    assert again.collision.pairs == robot.collision.pairs
+
+
+def test_path_names_links_and_place(robot: RobotModel) -> None:
+    """A path that dips into the table half-way says which links meet, and where."""
+    high = _hand_at(robot, "left", 0.0, -0.15, 0.05)
+    low = _hand_at(robot, "left", 0.0, -0.15, -0.03)
+    positions = np.concatenate([np.linspace(high, low, 20), np.linspace(low, high, 20)])
+    rows = robot.configurations({}, robot.joint_names(["left"]), positions, {"left": 0.0})
+    with pytest.raises(CollisionError, match=r"'dip'.*nail and table meet at (2|3|4)\d%"):
+        robot.collision.check_path(rows, "dip")
+
+
+def test_ignored_contacts_may_go_on(robot: RobotModel) -> None:
+    """What is ignored does not stop a path; anything else still does."""
+    low = _hand_at(robot, "left", 0.0, -0.15, -0.010)
+    rows = np.stack([_configuration(robot, left=low)])
+    contacts = robot.collision.contacts(rows[0])
+    robot.collision.check_path(rows, "leave", contacts)
+    with pytest.raises(CollisionError):
+        robot.collision.check_path(rows, "leave", [Contact("a", "b")])
