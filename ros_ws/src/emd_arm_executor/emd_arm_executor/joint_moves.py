@@ -38,6 +38,8 @@ class JointMove:
 
 # Heights above the table through which hands go when the straight way is blocked, metres.
 _RAISED = (0.10, 0.16, 0.22)
+# A rise that is not worth a motion of its own, metres.
+_LEVEL = 2e-3
 
 
 def plan_joint_move(robot: RobotModel, move: JointMove) -> list[JointPath]:
@@ -123,7 +125,7 @@ def raise_hands(
     """Lift the hands of a posture straight up to a height above the table.
 
     Returns:
-        The path, or None if all hands are there already or one cannot rise that far.
+        The path, or None if all hands are (almost) there already or one cannot rise that far.
     """
     to_base = robot.transform_table_to_base
     slices = _slices(robot, arms)
@@ -132,7 +134,7 @@ def raise_hands(
     start = inverse_transform(to_base) @ start
     end = start.copy()
     end[:, 2, 3] = np.maximum(end[:, 2, 3], height)
-    if np.array_equal(start, end):
+    if np.abs(end - start).max() < _LEVEL:
         return None
     poses = line_poses(start, end, robot.config.path)
     try:

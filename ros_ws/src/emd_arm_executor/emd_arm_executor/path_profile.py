@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from ruckig import ControlInterface, InputParameter, Result, Ruckig, Trajectory
+from ruckig import ControlInterface, InputParameter, Ruckig, RuckigError, Trajectory
 
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FloatArray
@@ -47,6 +47,11 @@ class PathProfile:
     duration: float
 
     @classmethod
+    def standing(cls) -> PathProfile:
+        """Stay at 0."""
+        return cls._integrate(np.zeros(0), np.zeros(0), PathState(0.0, 0.0, 0.0))
+
+    @classmethod
     def rest_to_rest(
         cls, length: float, speed: float, acceleration: float, jerk: float
     ) -> PathProfile:
@@ -75,11 +80,12 @@ class PathProfile:
     @classmethod
     def _calculate(cls, request: InputParameter, start: PathState) -> PathProfile:
         trajectory = Trajectory(1)
-        result = Ruckig(1).calculate(request, trajectory)
-        if result not in (Result.Working, Result.Finished):
+        try:
+            Ruckig(1).calculate(request, trajectory)
+        except RuckigError as err:
             raise InvalidInputError(
-                f"Ruckig finds no motion along the path ({result}): {request}; check the limits"
-            )
+                f"a motion along the path is wanted, Ruckig finds none; check the limits: {err}"
+            ) from err
         profile = trajectory.profiles[0][0]
         pieces = (profile.brake, profile, profile.accel)
         times = np.concatenate([np.asarray(piece.t) for piece in pieces])

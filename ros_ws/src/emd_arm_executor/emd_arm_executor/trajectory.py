@@ -24,6 +24,8 @@ _CHECKS = 300
 # What `time_path` tries: widths of smoothing, and shares of acceleration and jerk.
 _WINDOWS = (0.02, 0.035, 0.06)
 _SHARES = (1.0, 0.6)
+# A path on which no joint moves farther than this is no motion, radians.
+_STILL = 1e-6
 
 
 @dataclass(frozen=True)
@@ -90,6 +92,8 @@ def time_path(path: JointPath, limits: MotionLimits, max_speed: float | None = N
     Returns:
         A motion on the same curve, whose path parameter is about seconds at full speed.
     """
+    if np.ptp(path.positions(path.spline.x), axis=0).max() < _STILL:
+        return TimedPath(path, PathProfile.standing())
     trials = [
         _fit(evened, limits, share)
         for evened in (_even_out(path, limits, max_speed, window) for window in _WINDOWS)
