@@ -78,6 +78,7 @@ class CellClient(Node):
             self, ExecuteManipulation, "arm_executor/execute_manipulation"
         )
         self._go_home = self.create_client(Trigger, "arm_executor/go_home")
+        self._reset = self.create_client(Trigger, "simulation/reset")
         self._truth: VoxelGrid | None = None
         self.overview_frames: list[NDArray[np.uint8]] = []
         self.create_subscription(
@@ -179,18 +180,38 @@ class CellClient(Node):
             self._spin()
         return self._truth
 
+    def reset_simulation(self, timeout: float = 30.0) -> None:
+        """Lay a flat cloth before the simulated robot and put its arms aside."""
+        self._wait(self._reset.call_async(Trigger.Request()), timeout, "the reset")
+
+    def send_goal(
+        self,
+        client: ActionClient,
+        request: Any,
+        on_feedback: Callable[[Any], Any] | None = None,
+    ) -> ClientGoalHandle:
+        """Send a goal and wait until it is accepted."""
+        tell = on_feedback or (lambda feedback: None)
+        sent = client.send_goal_async(request, lambda message: tell(message.feedback))
+        goal_handle: ClientGoalHandle = self._wait(sent, 30.0, "the goal's acceptance")
+        if not goal_handle.accepted:
+            raise InvalidInputError("the goal was refused; see the node's log")
+        return goal_handle
+
+    def cancel(self, goal_handle: ClientGoalHandle, timeout: float = 30.0) -> Any:
+        """Cancel a goal and give the result with which it ends."""
+        self._wait(goal_handle.cancel_goal_async(), timeout, "cancelling")
+        return self._wait(goal_handle.get_result_async(), timeout, "the end of the goal").result
+
     def _act(
         self, client: ActionClient, request: Any, on_feedback: Callable[[Any], Any], timeout: float
     ) -> Any:
         """Send a goal, follow it, and give its result; cancel it when we are interrupted."""
-        sent = client.send_goal_async(request, lambda message: on_feedback(message.feedback))
-        goal_handle: ClientGoalHandle = self._wait(sent, 30.0, "the goal's acceptance")
-        if not goal_handle.accepted:
-            raise InvalidInputError("the goal was refused; see the node's log")
+        goal_handle = self.send_goal(client, request, on_feedback)
         try:
             response = self._wait(goal_handle.get_result_async(), timeout, "the goal's result")
         except BaseException:
-            self._wait(goal_handle.cancel_goal_async(), 10.0, "cancelling")
+            self.cancel(goal_handle)
             raise
         self._raise_error(response.result)
         return response.result
