@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from emd_cloth_sim.mesh import flat_positions
-from emd_cloth_sim.replay import replay_cloth_config, replay_file, vertex_order
+from emd_cloth_sim.replay import replay_file, resample_sheet, vertex_order
 from emd_core.errors import InvalidInputError
 
 SIDE = 11
@@ -88,10 +88,27 @@ def test_text_is_no_recording(tmp_path: Path) -> None:
         replay_file(tmp_path / "in.npz", tmp_path / "out.npz")
 
 
-def test_fine_meshes_get_a_thinner_cloth() -> None:
-    """The authors' 81 x 81 mesh and finer ones give a valid cloth."""
-    assert replay_cloth_config(81).thickness == pytest.approx(0.003)
-    assert replay_cloth_config(121).thickness == pytest.approx(0.002)
+def test_fine_mesh_is_simulated_on_a_coarser_one(tmp_path: Path) -> None:
+    """A mesh above the limit keeps its shape in the file and gives about the same fold."""
+    np.savez(tmp_path / "in.npz", **recording())
+    replay_file(tmp_path / "in.npz", tmp_path / "full.npz")
+    replay_file(tmp_path / "in.npz", tmp_path / "coarse.npz", simulated_side=6)
+    with np.load(tmp_path / "full.npz") as full, np.load(tmp_path / "coarse.npz") as coarse:
+        assert full["states"].shape == coarse["states"].shape
+        difference = np.linalg.norm(full["states"] - coarse["states"], axis=-1)[0, 1].mean()
+        moved = np.linalg.norm(full["states"][0, 1] - full["states"][0, 0], axis=-1).mean()
+    assert 0 < difference < 0.5 * moved
+
+
+def test_resampling_there_and_back_is_the_identity() -> None:
+    """Refining a mesh by two and coarsening it again gives it back; a plane stays a plane."""
+    positions = np.random.default_rng(0).normal(size=(36, 3))
+    refined = resample_sheet(positions, 11)
+    np.testing.assert_allclose(resample_sheet(refined, 6), positions, atol=1e-12)
+    flat = flat_positions((6, 6), (1.0, 1.0))
+    np.testing.assert_allclose(
+        resample_sheet(flat, 9), flat_positions((9, 9), (1.0, 1.0)), atol=1e-12
+    )
 
 
 def test_blender_file_is_understood() -> None:
