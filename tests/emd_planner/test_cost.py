@@ -7,7 +7,15 @@ import torch
 
 from emd_core.frames import FieldOfView
 from emd_planner.config import ReachConfig
-from emd_planner.cost import goal_term, grasps_cloth, reach_term, states_before, weighted_sum
+from emd_planner.cost import (
+    distance_to_silhouette,
+    goal_term,
+    grasp_term,
+    grasps_cloth,
+    reach_term,
+    states_before,
+    weighted_sum,
+)
 from emd_planner.reach import ReachLoss
 
 FOV = FieldOfView()
@@ -54,6 +62,36 @@ def test_the_state_before_each_step_is_the_one_after_the_last(cloth):
     assert before.shape == states.shape
     assert torch.equal(before[0, 0], cloth)
     assert torch.equal(before[:, 1:], states[:, :-1] >= 0.5)
+
+
+def test_a_step_without_a_grasp_costs_the_distance_to_the_cloth(cloth):
+    """0 while a hand is on the cloth, else the way of the nearer hand, with a gradient back."""
+    term = grasp_term(cloth, tolerance_voxels=0, threshold=0.5)
+    states = torch.zeros(2, 1, *cloth.shape)
+    on, off = [0.0, 0.0], [0.7, 0.0]
+    steps = torch.tensor([[[*on, *off, 0.3, 0.0]], [[*off, 0.0, 0.9, 0.3, 0.0]]])
+    steps.requires_grad_()
+    cost = term(states, steps)
+    assert cost[0] == 0.0
+    assert cost[1].item() == pytest.approx(0.7 - 0.4, abs=0.04)
+    (gradient,) = torch.autograd.grad(cost.sum(), steps)
+    assert gradient[0].abs().max() == 0.0
+    assert gradient[1, 0, 0].item() == pytest.approx(1.0, abs=0.01)
+
+
+def test_distance_to_a_silhouette_equals_brute_force():
+    """The nearest column's centre over all nine periodic copies; 0 if there is no cloth."""
+    silhouette = torch.rand(3, 32, 32, generator=torch.Generator().manual_seed(0)) > 0.99
+    silhouette[2] = False
+    points = torch.rand(3, 4, 2, generator=torch.Generator().manual_seed(1)) * 2 - 1
+    got = distance_to_silhouette(points, silhouette)
+    shifts = torch.cartesian_prod(*[torch.tensor([-2.0, 0.0, 2.0])] * 2)
+    for row in range(2):
+        centres = (torch.nonzero(silhouette[row]) + 0.5) / 16 - 1
+        copies = (centres[:, None] + shifts).reshape(-1, 2)
+        wanted = (points[row][:, None] - copies).norm(dim=-1).amin(1)
+        torch.testing.assert_close(got[row], wanted)
+    assert (got[2] == 0.0).all()
 
 
 def test_reach_constrains_only_hands_that_grasp(cloth):

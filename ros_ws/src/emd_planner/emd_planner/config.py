@@ -191,6 +191,8 @@ class PlannerConfig:
         step_margin: A shorter plan is taken if its loss is within this share of the best one's.
         grasp_tolerance_voxels: A grasp point this far off the silhouette still grasps the cloth.
         threshold: Predicted value from which a voxel counts as occupied.
+        grasp_weight: Weight beside loss_s of the distance from the cloth (normalised) in steps in
+            which no hand grasps it (ours).
         reach_weight: Weight of the reach loss (normalised distance) beside loss_s (V-B).
     """
 
@@ -209,6 +211,7 @@ class PlannerConfig:
     step_margin: float = 0.1
     grasp_tolerance_voxels: int = 1
     threshold: float = 0.5
+    grasp_weight: float = 1.0
     reach_weight: float = 1.0
 
 

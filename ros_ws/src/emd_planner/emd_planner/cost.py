@@ -52,6 +52,50 @@ def reach_term(reach: ReachLoss, initial: Tensor, tolerance_voxels: int, thresho
     return cost
 
 
+def grasp_term(initial: Tensor, tolerance_voxels: int, threshold: float) -> Term:
+    """Distance from the cloth of the nearer hand, summed over the steps in which none grasps it.
+
+    Ours: off the cloth the net learned that nothing happens, which an unsure net may rate better
+    than any fold, but a step without a grasp is no step. 0 as soon as one hand is on the cloth.
+
+    Args:
+        initial: Initial state, boolean, shape (X, Y, Z).
+        tolerance_voxels: See `PlannerConfig.grasp_tolerance_voxels`.
+        threshold: Predicted value from which a voxel counts as occupied.
+    """
+
+    def cost(states: Tensor, manipulations: Tensor) -> Tensor:
+        with torch.no_grad():
+            before = states_before(initial, states, threshold)
+            grasps = grasps_cloth(manipulations, before, tolerance_voxels).any(-1)
+            wide = dilate(silhouettes(before), tolerance_voxels)
+        points = manipulations[..., :4].unflatten(-1, (2, 2))
+        distance = distance_to_silhouette(points, wide).amin(-1)
+        return torch.where(grasps, 0.0, distance).sum(1)
+
+    return cost
+
+
+def distance_to_silhouette(points: Tensor, silhouette: Tensor) -> Tensor:
+    """Distance of points to the centre of the nearest column with cloth, wrapped.
+
+    Args:
+        points: Normalised, shape (..., H, 2).
+        silhouette: Boolean, shape (..., X, Y), leading axes as those of the points.
+
+    Returns:
+        Normalised, shape (..., H); 0 where a silhouette is empty, as no way leads to it.
+    """
+    count = silhouette.shape[-1]
+    centres = (torch.arange(count, device=points.device) + 0.5) * (2.0 / count) - 1.0
+    offsets = (points[..., None] - centres + 1.0) % 2.0 - 1.0  # (..., H, 2, count)
+    squares = offsets.square()
+    squared = squares[..., 0, :, None] + squares[..., 1, None, :]
+    squared = torch.where(silhouette[..., None, :, :], squared, torch.inf).flatten(-2).amin(-1)
+    empty = squared.isinf()
+    return torch.where(empty, 0.0, torch.where(empty, 1.0, squared).clamp_min(1e-12).sqrt())
+
+
 def weighted_sum(terms: list[tuple[float, Term]]) -> Term:
     """Add terms with weights."""
 

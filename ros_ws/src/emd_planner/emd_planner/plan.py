@@ -16,7 +16,14 @@ from emd_core.errors import InvalidInputError, NoPlanError
 from emd_core.manipulation import Manipulation
 from emd_core.voxel_grid import VoxelGrid
 from emd_planner.config import PlannerConfig, ReachConfig
-from emd_planner.cost import goal_term, grasps_cloth, reach_term, states_before, weighted_sum
+from emd_planner.cost import (
+    goal_term,
+    grasp_term,
+    grasps_cloth,
+    reach_term,
+    states_before,
+    weighted_sum,
+)
 from emd_planner.emd_net import EmdNet
 from emd_planner.losses import state_loss
 from emd_planner.planner import SearchProgress, SearchResult, random_values, search
@@ -147,13 +154,15 @@ class _Planner:
         self.iterations = 0
         with torch.no_grad():
             self.code = net.encode(self.initial[None])
-        terms = [(1.0, goal_term(self.goal))]
+        tolerance, threshold = config.grasp_tolerance_voxels, config.threshold
+        terms = [
+            (1.0, goal_term(self.goal)),
+            (config.grasp_weight, grasp_term(self.initial, tolerance, threshold)),
+        ]
         self.reach_term = None
         if reach is not None:
             loss = ReachLoss(reach, self.field_of_view, self.device)
-            self.reach_term = reach_term(
-                loss, self.initial, config.grasp_tolerance_voxels, config.threshold
-            )
+            self.reach_term = reach_term(loss, self.initial, tolerance, threshold)
             terms.append((config.reach_weight, self.reach_term))
         self.cost = weighted_sum(terms)
 
@@ -201,10 +210,10 @@ class _Planner:
         )
 
     def _predict(self, values: Tensor) -> Tensor:
-        """Predict states (A, n, X, Y, Z); those before the last only if the reach needs them."""
+        """Predict states (A, n, X, Y, Z), those before the last without gradients."""
         codes = self.net.roll_out(self.code.expand(len(values), -1), values)
         last = self.net.decode(codes[-1])[:, None]
-        if len(codes) == 1 or self.reach_term is None:
+        if len(codes) == 1:
             return last
         with torch.no_grad():
             before = self.net.decode(torch.cat(codes[:-1]))

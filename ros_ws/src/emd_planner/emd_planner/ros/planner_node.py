@@ -12,7 +12,6 @@ import numpy as np
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
-from rclpy.qos import qos_profile_sensor_data
 from visualization_msgs.msg import MarkerArray
 
 from emd_core.errors import CancelledError, InvalidInputError, NoObservationError
@@ -51,9 +50,7 @@ class PlannerNode(Node):
         device = resolve_device(self.declare_parameter("device", "auto").value)
         self._net = load_net(Path(weights) if weights else None).to(device)
         self._latest: VoxelGridMsg | None = None
-        self.create_subscription(
-            VoxelGridMsg, "perception/voxel_grid", self._on_grid, qos_profile_sensor_data
-        )
+        self.create_subscription(VoxelGridMsg, "perception/voxel_grid", self._on_grid, 5)
         self._markers = self.create_publisher(MarkerArray, "planner/markers", 5)
         self._worker = SingleWorker(self, "planning")
         self._action = ActionServer(
