@@ -12,9 +12,9 @@ from emd_core.errors import InvalidInputError
 SIDE = 11
 
 
-def recording(rng: np.random.Generator | None = None) -> dict[str, np.ndarray]:
+def recording(rng: np.random.Generator | None = None, side: int = SIDE) -> dict[str, np.ndarray]:
     """One sequence of two steps from a flat cloth, shuffled if a generator is given."""
-    flat = flat_positions((SIDE, SIDE), (1.4, 1.4)) + np.array([0.0, 0.0, 0.05])
+    flat = flat_positions((side, side), (1.4, 1.4)) + np.array([0.0, 0.0, 0.05])
     if rng is not None:
         flat = rng.permutation(flat)
     states = np.repeat(flat[None, None], 3, axis=1).astype(np.float32)
@@ -90,9 +90,9 @@ def test_text_is_no_recording(tmp_path: Path) -> None:
 
 def test_fine_mesh_is_simulated_on_a_coarser_one(tmp_path: Path) -> None:
     """A mesh above the limit keeps its shape in the file and gives about the same fold."""
-    np.savez(tmp_path / "in.npz", **recording())
+    np.savez(tmp_path / "in.npz", **recording(side=21))
     replay_file(tmp_path / "in.npz", tmp_path / "full.npz")
-    replay_file(tmp_path / "in.npz", tmp_path / "coarse.npz", simulated_side=6)
+    replay_file(tmp_path / "in.npz", tmp_path / "coarse.npz", simulated_side=11)
     with np.load(tmp_path / "full.npz") as full, np.load(tmp_path / "coarse.npz") as coarse:
         assert full["states"].shape == coarse["states"].shape
         difference = np.linalg.norm(full["states"] - coarse["states"], axis=-1)[0, 1].mean()
