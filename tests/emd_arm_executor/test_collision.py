@@ -86,10 +86,11 @@ def test_path_names_links_and_place(robot: RobotModel) -> None:
 
 
 def test_ignored_contacts_may_go_on(robot: RobotModel) -> None:
-    """What is ignored does not stop a path; anything else still does."""
+    """What is ignored does not count as a meeting; anything else still does."""
     low = _hand_at(robot, "left", 0.0, -0.15, -0.010)
     rows = np.stack([_configuration(robot, left=low)])
     contacts = robot.collision.contacts(rows[0])
-    robot.collision.check_path(rows, "leave", contacts)
-    with pytest.raises(CollisionError):
-        robot.collision.check_path(rows, "leave", [Contact("a", "b")])
+    assert robot.collision.first_meeting(rows, contacts) is None
+    meeting = robot.collision.first_meeting(rows, [Contact("a", "b")])
+    assert meeting is not None and meeting.contact in contacts
+    assert robot.collision.arms_in(meeting.contact) == {"left"}

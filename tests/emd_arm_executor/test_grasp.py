@@ -102,6 +102,15 @@ def test_pulling_outwards_is_left_alone() -> None:
     assert corrected == pytest.approx(displacement)
 
 
+def test_corner_gripped_from_the_side_is_folded() -> None:
+    """A side hem whose corner is carried along the hem keeps its crease too."""
+    config = replace(GraspConfig(), insertion=0.0)
+    grasp = next(grasp_poses(_hem(-0.19, -0.2, -np.pi / 2), config))
+    planned, displacement = np.array([[-0.2, -0.2]]), np.array([0.4, 0.0])
+    corrected = displacement_keeping_crease(displacement, planned, [grasp])
+    assert corrected == pytest.approx([0.38, 0.0])
+
+
 def test_depth_of_the_jaws_shortens_a_fold() -> None:
     """What the jaws hold flat is taken off the length, twice."""
     config = replace(GraspConfig(), insertion=0.0)

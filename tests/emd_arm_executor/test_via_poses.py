@@ -48,7 +48,7 @@ def test_vertical_path_pulls_at_the_crease() -> None:
     """The paper's plain path breaks that bound, so the bound is worth testing."""
     positions = _carry(0.4, "vertical")[:, :3, 3]
     from_crease = positions[:, 0] + 0.1 - 0.2
-    assert (from_crease**2 + (positions[:, 2] - 0.004) ** 2).max() > 0.2**2 * 1.02
+    assert (from_crease**2 + (positions[:, 2] - 0.004) ** 2).max() > 0.2**2 * 1.005
 
 
 @pytest.mark.parametrize("shape", ["arc", "vertical"])

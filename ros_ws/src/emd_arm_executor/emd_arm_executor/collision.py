@@ -37,6 +37,19 @@ class Contact:
         return f"{self.first} and {self.second}"
 
 
+@dataclass(frozen=True)
+class Meeting:
+    """What a path touches first.
+
+    Attributes:
+        contact: The pair that touches.
+        share: How far along the path, 0..1.
+    """
+
+    contact: Contact
+    share: float
+
+
 class CollisionChecker:
     """Checks configurations of the whole robot."""
 
@@ -94,31 +107,45 @@ class CollisionChecker:
         pin.computeCollisions(self._model, self._data, self._geometry, self._contacts, q, False)
         return set(self._found())
 
-    def check_path(
-        self, configurations: FloatArray, name: str, ignored: Collection[Contact] = ()
-    ) -> None:
+    def first_meeting(
+        self, configurations: FloatArray, ignored: Collection[Contact] = ()
+    ) -> Meeting | None:
+        """Find where a path (N, nq) first touches something that is not ignored."""
+        for i, q in enumerate(configurations):
+            if self.contact(q) is None:
+                continue
+            others = self.contacts(q) - set(ignored)
+            if others:
+                return Meeting(min(others, key=str), i / max(len(configurations) - 1, 1))
+        return None
+
+    def refusal(self, name: str, meeting: Meeting) -> CollisionError:
+        """Describe what is met on a motion of this name."""
+        return CollisionError(
+            f"the motion '{name}' should keep {self.config.margin * 1e3:.0f} mm of clearance; "
+            f"{meeting.contact} meet at {meeting.share:.0%} of it; choose another grasp or a "
+            "shorter displacement"
+        )
+
+    def check_path(self, configurations: FloatArray, name: str) -> None:
         """Refuse a path on which something touches.
 
         Args:
             configurations: Of the whole robot along the path, shape (N, nq).
             name: What the motion is called in the error.
-            ignored: Pairs that may touch, for instance because they do at the start.
 
         Raises:
             CollisionError: Names the links and where on the path they meet.
         """
-        for i, q in enumerate(configurations):
-            contact = self.contact(q)
-            if contact is None:
-                continue
-            others = self.contacts(q) - set(ignored)
-            if others:
-                share = i / max(len(configurations) - 1, 1)
-                raise CollisionError(
-                    f"the motion '{name}' should keep {self.config.margin * 1e3:.0f} mm of "
-                    f"clearance; {min(others, key=str)} meet at {share:.0%} of it; choose another "
-                    "grasp or a shorter displacement"
-                )
+        meeting = self.first_meeting(configurations)
+        if meeting is not None:
+            raise self.refusal(name, meeting)
+
+    def arms_in(self, contact: Contact) -> set[str]:
+        """Name the arms whose links or hands take part in a contact."""
+        branches = dict(zip(self._links, self._branches, strict=True))
+        both = {branches[contact.first], branches[contact.second]}
+        return {branch.split(" ")[0] for branch in both} - {""}
 
     def _found(self) -> Iterable[Contact]:
         for index, pair in enumerate(self._geometry.collisionPairs):

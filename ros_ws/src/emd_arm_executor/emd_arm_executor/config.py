@@ -126,7 +126,7 @@ class PathConfig:
         retreat_height: Height above the table to which an empty hand rises, metres.
     """
 
-    lift_height: float = 0.06
+    lift_height: float = 0.045
     lift_shape: str = "arc"
     release_clearance: float = 0.008
     release_radius: float = 0.02
@@ -134,7 +134,7 @@ class PathConfig:
     linear_step: float = 0.005
     angular_step: float = 0.035
     minimum_displacement: float = 0.01
-    retreat_height: float = 0.06
+    retreat_height: float = 0.03
 
 
 @dataclass(frozen=True)

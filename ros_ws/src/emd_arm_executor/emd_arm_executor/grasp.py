@@ -12,6 +12,10 @@ from emd_arm_executor.hem import Hem
 from emd_core.frames import FloatArray
 
 
+# Cosine between hem normal and motion above which a hand pulls the cloth outwards.
+_PULLING = 0.5
+
+
 @dataclass(frozen=True)
 class GraspPose:
     """One way for a hand to grip a hem.
@@ -90,7 +94,8 @@ def displacement_keeping_crease(
     jaws goes on facing up and leaves them `jaw_depth` further along u than the held point, at both
     ends of the motion alike, which takes another 2 `jaw_depth` off the length. Two hands share one
     displacement, so the mean of their shifts counts. A hand whose hem faces along the motion
-    pulls the cloth instead of folding it: there is no crease and its displacement stays.
+    (within 60 degrees) pulls the cloth instead of folding it: there is no crease and its
+    displacement stays.
 
     Args:
         displacement_in_table: As planned, shape (2,), metres.
@@ -105,7 +110,7 @@ def displacement_keeping_crease(
     if length == 0.0:
         return displacement_in_table
     along = displacement_in_table / length
-    folds = [grasp.hem.outward_normal @ along < 0.0 for grasp in grasps]
+    folds = [grasp.hem.outward_normal @ along < _PULLING for grasp in grasps]
     if not all(folds):
         return displacement_in_table
     shifts = [
