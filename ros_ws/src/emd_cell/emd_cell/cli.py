@@ -48,7 +48,7 @@ def demo(
     gui: Annotated[bool, typer.Option("--gui", help="open the simulator's window")] = False,
     real_time_factor: Annotated[
         float, typer.Option(min=0.0, help="simulated seconds a second; 0: as fast as possible")
-    ] = 0.0,
+    ] = 1.0,
 ) -> None:
     """A simulated HIRO folds a cloth; writes a report and pictures."""
     from emd_cell.demo import DemoOptions, run_demo

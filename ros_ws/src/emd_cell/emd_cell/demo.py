@@ -41,7 +41,7 @@ class DemoOptions:
     seed: int = 0
     record: Path | None = None
     gui: bool = False
-    real_time_factor: float = 0.0
+    real_time_factor: float = 1.0
 
 
 def run_demo(options: DemoOptions, console: Console) -> DemoReport:

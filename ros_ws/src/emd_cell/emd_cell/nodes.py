@@ -28,7 +28,7 @@ def cell_nodes(
         "overview.enabled": overview,
         "real_time_factor": real_time_factor,
     }
-    perception = {**sim_time, "node.max_rate": 1.0}
+    perception = {**sim_time, "node.max_rate": 1.0, "node.reliable": True}
     return [
         NodeSpec("simulation", "emd_cell.ros.simulation_main", simulation, restart=False),
         NodeSpec("perception", "emd_perception.ros.perception_node", perception),

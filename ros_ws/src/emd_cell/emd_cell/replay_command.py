@@ -23,7 +23,7 @@ def run_replay(bag: Path, topics: BagTopics, out: Path, console: Console) -> Rep
     perception = NodeSpec(
         "perception",
         "emd_perception.ros.perception_node",
-        {"node.max_rate": 0.0},
+        {"node.max_rate": 0.0, "node.reliable": True},
         namespace=NAMESPACE,
     )
     with console.status("starting perception") as status:

@@ -9,7 +9,6 @@ import numpy as np
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
-from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
@@ -47,9 +46,7 @@ class ExecutorNode(Node):
         self._robot = RosRobot(self, description)
         self._motion = MotionExecutor(self._robot, model)
         self._points: PointCloud2 | None = None
-        self.create_subscription(
-            PointCloud2, "perception/points", self._on_points, qos_profile_sensor_data
-        )
+        self.create_subscription(PointCloud2, "perception/points", self._on_points, 5)
         self._markers = self.create_publisher(MarkerArray, "arm_executor/markers", 5)
         self._worker = SingleWorker(self, "moving the arms")
         self._action = ActionServer(
@@ -59,8 +56,14 @@ class ExecutorNode(Node):
             execute_callback=self._on_goal,
             goal_callback=lambda request: GoalResponse.ACCEPT,
             cancel_callback=lambda goal_handle: CancelResponse.ACCEPT,
+            callback_group=self._worker.callback_group,
         )
-        self.create_service(Trigger, "arm_executor/go_home", self._on_go_home)
+        self.create_service(
+            Trigger,
+            "arm_executor/go_home",
+            self._on_go_home,
+            callback_group=self._worker.callback_group,
+        )
 
     def _on_points(self, message: PointCloud2) -> None:
         self._points = message

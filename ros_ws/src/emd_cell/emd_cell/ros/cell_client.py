@@ -13,7 +13,6 @@ from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import qos_profile_sensor_data
 from rclpy.task import Future
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
@@ -81,12 +80,8 @@ class CellClient(Node):
         self._reset = self.create_client(Trigger, "simulation/reset")
         self._truth: VoxelGrid | None = None
         self.overview_frames: list[NDArray[np.uint8]] = []
-        self.create_subscription(
-            VoxelGridMsg, "simulation/voxel_grid", self._on_truth, qos_profile_sensor_data
-        )
-        self.create_subscription(
-            Image, "simulation/overview/image_raw", self._on_overview, qos_profile_sensor_data
-        )
+        self.create_subscription(VoxelGridMsg, "simulation/voxel_grid", self._on_truth, 5)
+        self.create_subscription(Image, "simulation/overview/image_raw", self._on_overview, 50)
 
     def wait_for_cell(self, timeout: float = 60.0) -> None:
         """Wait until every node offers its service.

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable
 from typing import TypeVar
 
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.task import Future
 
@@ -17,7 +18,9 @@ T = TypeVar("T")
 class SingleWorker:
     """Runs one piece of work at a time; its result is awaited without blocking the executor.
 
-    A blocked single-threaded executor could not even receive a cancel request.
+    A blocked single-threaded executor could not even receive a cancel request. Callbacks that
+    await `run` belong in `callback_group`: in a mutually exclusive group, such as a node's default
+    one, a callback that awaits keeps all others of the group from running.
     """
 
     def __init__(self, node: Node, what: str) -> None:
@@ -25,6 +28,7 @@ class SingleWorker:
         self._node = node
         self._what = what
         self._lock = threading.Lock()
+        self.callback_group = ReentrantCallbackGroup()
 
     async def run(self, work: Callable[[], T]) -> T:
         """Run `work` in a thread and give its result or raise its exception.

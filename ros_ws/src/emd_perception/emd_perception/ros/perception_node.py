@@ -29,6 +29,7 @@ from emd_msgs_py.msg import VoxelGrid as VoxelGridMsg
 from emd_msgs_py.srv import CaptureState
 from emd_perception.config import PerceptionConfig
 from emd_perception.depth_image import depth_in_metres
+from emd_perception.open3d_library import load_open3d
 from emd_perception.pipeline import Perception, perceive_frames
 from emd_perception.ros.frame_buffer import FrameBuffer
 from emd_perception.ros.frame_pairs import FramePair, FramePairs
@@ -40,12 +41,15 @@ class PerceptionNodeConfig:
 
     Attributes:
         max_rate: Frames processed a second at most while streaming; 0: as many as it can.
+        reliable: Whether lost images are sent again. Without, any camera driver will do, but on a
+            busy machine images are lost: one is larger than Fast DDS's shared memory.
         sync_tolerance: Largest difference of the stamps of colour and depth, seconds.
         capture_frames: Depth frames that a capture fuses unless the request says otherwise.
         capture_timeout: Seconds that a capture waits for them unless the request says otherwise.
     """
 
     max_rate: float = 5.0
+    reliable: bool = False
     sync_tolerance: float = 0.02
     capture_frames: int = 10
     capture_timeout: float = 20.0
@@ -64,6 +68,7 @@ class PerceptionNode(Node):
         self._camera: Any = None
         self._camera_pose: PoseStamped | None = None
         self._buffer = FrameBuffer()
+        load_open3d()  # takes a second, in which the first frames would be lost
         self._subscribe()
         self._grid_publisher = self.create_publisher(VoxelGridMsg, "perception/voxel_grid", 5)
         self._mask_publisher = self.create_publisher(Image, "perception/mask", 5)
@@ -71,7 +76,12 @@ class PerceptionNode(Node):
         self._markers_publisher = self.create_publisher(MarkerArray, "perception/markers", 5)
         self._diagnostics_publisher = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._worker = SingleWorker(self, "capturing")
-        self.create_service(CaptureState, "perception/capture_state", self._on_capture)
+        self.create_service(
+            CaptureState,
+            "perception/capture_state",
+            self._on_capture,
+            callback_group=self._worker.callback_group,
+        )
         threading.Thread(target=self._stream, daemon=True).start()
 
     def _subscribe(self) -> None:
@@ -80,7 +90,7 @@ class PerceptionNode(Node):
             reliability=ReliabilityPolicy.RELIABLE,
             durability=DurabilityPolicy.TRANSIENT_LOCAL,
         )
-        sensor = qos_profile_sensor_data
+        sensor = QoSProfile(depth=5) if self._config.reliable else qos_profile_sensor_data
         for kind, topic in (
             ("colour", "camera/color/image_raw"),
             ("depth", "camera/depth_registered/image_raw"),

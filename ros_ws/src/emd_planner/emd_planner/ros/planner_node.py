@@ -60,8 +60,14 @@ class PlannerNode(Node):
             execute_callback=self._on_goal,
             goal_callback=lambda request: GoalResponse.ACCEPT,
             cancel_callback=lambda goal_handle: CancelResponse.ACCEPT,
+            callback_group=self._worker.callback_group,
         )
-        self.create_service(PlanFoldService, "planner/plan", self._on_request)
+        self.create_service(
+            PlanFoldService,
+            "planner/plan",
+            self._on_request,
+            callback_group=self._worker.callback_group,
+        )
 
     def _declare_reach(self) -> ReachConfig | None:
         """Read each arm's polygon, given as x0 y0 x1 y1 ... in metres; empty: no limit."""
