@@ -219,17 +219,41 @@ class PlannerConfig:
 class ReachConfig:
     """Where each hand may grasp and release: one convex polygon per arm (paper, V-B).
 
-    The default outlines what HIRO's arms reach of the desk with the fingers pointing down: x of
-    the table frame runs towards the robot and y to the robot's right-hand side as the camera sees
-    it, so the left arm works mainly at y < 0 and the right arm mainly at y > 0.
+    The default is what HIRO's arms reach of the desk with a vertical hand that can also be raised
+    to the lift height, as `emd_arm_executor.reach_region` computes it for the default cell (a test
+    compares them). The left arm works mainly at y < 0, the right arm mainly at y > 0.
 
     Attributes:
         left: Corners (x, y) in either order, metres, table frame.
         right: The same for the right arm.
     """
 
-    left: Polygon = ((-0.22, -0.45), (0.25, -0.45), (0.25, 0.15), (-0.22, 0.15))
-    right: Polygon = ((-0.22, -0.15), (0.25, -0.15), (0.25, 0.45), (-0.22, 0.45))
+    left: Polygon = (
+        (0.18, -0.30),
+        (0.21, 0.09),
+        (0.21, 0.12),
+        (0.18, 0.27),
+        (0.15, 0.30),
+        (0.06, 0.30),
+        (-0.12, 0.12),
+        (-0.15, 0.06),
+        (-0.18, -0.03),
+        (-0.18, -0.27),
+        (-0.15, -0.30),
+    )
+    right: Polygon = (
+        (0.18, 0.30),
+        (-0.15, 0.30),
+        (-0.18, 0.27),
+        (-0.18, 0.03),
+        (-0.15, -0.06),
+        (-0.12, -0.12),
+        (0.06, -0.30),
+        (0.15, -0.30),
+        (0.18, -0.27),
+        (0.21, -0.12),
+        (0.21, -0.03),
+    )
 
 
 # What `--recipe` chooses from; "paper" is III-B to the letter.
