@@ -32,7 +32,7 @@ def test_replay_keeps_shapes_and_vertex_order(tmp_path: Path) -> None:
     report = replay_file(
         tmp_path / "in.npz", tmp_path / "out.npz", lambda *progress: calls.append(progress)
     )
-    assert report.manipulations == 2 and report.suspicious == ()
+    assert report.manipulations == 2 and report.suspicious == () and report.missed == ()
     assert calls == [(1, 2), (2, 2)]
     with np.load(tmp_path / "out.npz") as result:
         assert set(result) == set(content)
@@ -98,6 +98,17 @@ def test_fine_mesh_is_simulated_on_a_coarser_one(tmp_path: Path) -> None:
         difference = np.linalg.norm(full["states"] - coarse["states"], axis=-1)[0, 1].mean()
         moved = np.linalg.norm(full["states"][0, 1] - full["states"][0, 0], axis=-1).mean()
     assert 0 < difference < 0.5 * moved
+
+
+def test_pick_beside_the_cloth_is_reported(tmp_path: Path) -> None:
+    """A step whose hands miss our cloth leaves the state as it was and is listed as missed."""
+    content = recording()
+    content["picks"][0, 0] = [[0.9, 0.9], [np.nan, np.nan]]
+    np.savez(tmp_path / "in.npz", **content)
+    report = replay_file(tmp_path / "in.npz", tmp_path / "out.npz")
+    assert report.missed == ((0, 0),)
+    with np.load(tmp_path / "out.npz") as result:
+        np.testing.assert_allclose(result["states"][0, 1], content["states"][0, 0], atol=1e-6)
 
 
 def test_resampling_there_and_back_is_the_identity() -> None:

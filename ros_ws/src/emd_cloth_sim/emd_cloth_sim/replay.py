@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from emd_cloth_sim.cloth import Cloth
 from emd_cloth_sim.config import ClothConfig, HandPathConfig
-from emd_cloth_sim.manipulate import manipulate
+from emd_cloth_sim.manipulate import ManipulationOutcome, manipulate
 from emd_core.errors import InvalidInputError, SimulationError
 from emd_core.frames import FieldOfView, FloatArray
 from emd_core.manipulation import Manipulation
@@ -34,10 +34,13 @@ class ReplayReport:
     Attributes:
         manipulations: How many were performed.
         suspicious: For each state that should not be trusted: sequence, step, and what is wrong.
+        missed: Sequence and step of each manipulation of which no hand met our cloth. A later
+            step's picks were chosen on the recorded cloth, from which ours may have departed.
     """
 
     manipulations: int
     suspicious: tuple[tuple[int, int, str], ...]
+    missed: tuple[tuple[int, int], ...]
 
 
 @dataclass(frozen=True)
@@ -113,7 +116,7 @@ def replay_file(
         on_progress: Called with the manipulations done and their total.
         path_config: How the hands move.
         simulated_side: A finer mesh than this is simulated at this many vertices a side, and
-            interpolated. About 1 s of one core a manipulation at 41, 10 s at 81.
+            interpolated. About 1 s of one core a manipulation at 41, 15 s at 81.
 
     Raises:
         InvalidInputError: If the input is malformed or its vertices are in no known order.
@@ -127,15 +130,18 @@ def replay_file(
     states[:, 0] = recording.states[:, 0]
     count, steps = recording.moves.shape[:2]
     suspicious: list[tuple[int, int, str]] = []
+    missed: list[tuple[int, int]] = []
     fov = FieldOfView()
     for n in range(count):
         start = resample_sheet(recording.states[n, 0][order], side)
         cloth = Cloth.from_positions(fov.table_from_normalised(start), config)
         for step in range(steps):
             picks, move = recording.picks[n, step], recording.moves[n, step]
-            failure = _perform(cloth, picks, move, path_config)
-            if failure:
-                suspicious.append((n, step, failure))
+            outcome = _perform(cloth, picks, move, path_config)
+            if outcome is not None and outcome.diagnostics.failure:
+                suspicious.append((n, step, outcome.diagnostics.failure))
+            if outcome is not None and not any(outcome.held_counts):
+                missed.append((n, step))
             result = fov.normalised_from_table(cloth.positions_in_table)
             states[n, step + 1, order] = resample_sheet(result, recording.side)
             if on_progress:
@@ -143,7 +149,7 @@ def replay_file(
     if not np.isfinite(states).all():
         raise SimulationError(f"replaying {input} gave a state that is not finite")
     _write(output, states, recording)
-    return ReplayReport(count * steps, tuple(suspicious))
+    return ReplayReport(count * steps, tuple(suspicious), tuple(missed))
 
 
 def resample_sheet(positions: FloatArray, side: int) -> FloatArray:
@@ -208,14 +214,14 @@ def _order_of_flat(state: FloatArray, side: int) -> NDArray[np.int64] | None:
 
 def _perform(
     cloth: Cloth, picks: FloatArray, move: FloatArray, path_config: HandPathConfig | None
-) -> str:
-    """Perform one step; returns what is wrong with the result, empty if nothing is."""
+) -> ManipulationOutcome | None:
+    """Perform one step; None if it uses no hand."""
     used = (bool(np.isfinite(picks[0]).all()), bool(np.isfinite(picks[1]).all()))
     if not any(used):
-        return ""
+        return None
     values = np.concatenate([picks.ravel(), move])
     manipulation = Manipulation.from_network(values, used, FieldOfView())
-    return manipulate(cloth, manipulation, path_config).diagnostics.failure
+    return manipulate(cloth, manipulation, path_config)
 
 
 def _write(output: Path, states: NDArray[np.float32], recording: Recording) -> None:
