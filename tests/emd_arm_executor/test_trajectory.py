@@ -158,7 +158,7 @@ def test_no_motion_takes_no_time() -> None:
     """A path without length is a single standing point."""
     still = time_path(JointPath.straight(NAMES, np.ones(3), np.ones(3)), LIMITS)
     trajectory = still.sample(0.01)
-    assert trajectory.duration < 0.01
+    assert trajectory.duration <= 0.01
     assert trajectory.positions == pytest.approx(np.ones_like(trajectory.positions))
 
 

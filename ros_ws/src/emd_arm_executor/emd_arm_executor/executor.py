@@ -70,23 +70,27 @@ class MotionExecutor:
             feedback(phase.name, 1.0)
 
     def _run_phase(self, phase: Phase, feedback: Feedback, asked: ShouldStop) -> None:
-        if asked():
-            raise CancelledError(f"stopped before '{phase.name}' as asked; the arms are at rest")
+        self._check_asked(phase.name, asked)
         for command in phase.gripper:
             self.robot.send_gripper(command.arm, command.width)
         done = 0.0
         for segment in phase.segments:
+            self._check_asked(phase.name, asked)
             share = segment.duration / max(phase.duration, 1e-9)
             self._run_segment(phase.name, segment, (done, share), feedback, asked)
             done += share
         end = self.robot.now() + phase.pause
         while (now := self.robot.now()) < end - 1e-9:
-            if asked():
-                raise CancelledError(
-                    f"stopped during '{phase.name}' as asked; the arms are at rest"
-                )
+            self._check_asked(phase.name, asked)
             feedback(phase.name, 1.0 - (end - now) / max(phase.duration, 1e-9))
             self.robot.wait_until(min(end, now + self.config.execution.monitor_period))
+
+    def _check_asked(self, name: PhaseName, asked: ShouldStop) -> None:
+        """Stop between two motions, where nothing moves."""
+        if asked():
+            raise CancelledError(
+                f"stopped at '{name}' as asked; the arms are at rest and the jaws as they were"
+            )
 
     def _run_segment(
         self,

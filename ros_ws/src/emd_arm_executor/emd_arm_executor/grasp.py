@@ -11,7 +11,6 @@ from emd_arm_executor.config import GraspConfig
 from emd_arm_executor.hem import Hem
 from emd_core.frames import FloatArray
 
-
 # Cosine between hem normal and motion above which a hand pulls the cloth outwards.
 _PULLING = 0.5
 

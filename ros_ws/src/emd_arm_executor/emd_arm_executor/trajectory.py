@@ -71,7 +71,8 @@ class TimedPath:
         count = max(1, int(np.ceil(self.duration / period - 1e-9)))
         times = np.append(np.arange(count) * period, self.duration)
         if self.duration <= 0.0:
-            times = np.zeros(1)
+            # Controllers want an end that lies in the future, even to stand still.
+            times = np.array([0.0, period])
         positions, velocities, accelerations, _ = self.joint_motion(times)
         return JointTrajectory(self.path.joint_names, times, positions, velocities, accelerations)
 
