@@ -32,7 +32,7 @@ ONE_HAND = Manipulation(np.array([[-0.2, -0.2], [np.nan, np.nan]]), np.array([0.
 
 def half_goal() -> VoxelGrid:
     """What the half fold should look like."""
-    return neat_fold("half", ClothConfig()).goal_grid(ClothConfig(), FieldOfView())
+    return neat_fold("half", ClothConfig()).goal_grid(FieldOfView())
 
 
 def assert_alive(client: CellClient) -> None:

@@ -35,7 +35,7 @@ def load_goal(name: str) -> Goal:
     """
     if name in NEAT_FOLDS:
         fold = neat_fold(name, ClothConfig())
-        return Goal(name, fold.goal_grid(ClothConfig(), FieldOfView()), len(fold.manipulations))
+        return Goal(name, fold.goal_grid(FieldOfView()), len(fold.manipulations))
     if not Path(name).exists():
         raise InvalidInputError(
             f"the goal must be one of {', '.join(NEAT_FOLDS)} or a voxel grid's file, got {name}"

@@ -183,6 +183,9 @@ class PlannerConfig:
         min_step: Smallest step, normalised units (Riedmiller and Braun).
         max_step: Largest step, normalised units (ours: a quarter of the field of view).
         min_improvement: Decrease of the loss that counts as improvement.
+        max_displacement: Largest magnitude of a displacement's x and y, normalised. The paper has
+            1; its authors' public generator moves by up to 1.4, the cloth's side, and a half fold
+            in one step needs that.
         time_budget: Seconds after which the best plan so far is taken; infinite: none.
         start_on_cloth: Start the grasp points on the cloth (ours); else anywhere in [-1, 1], as
             the paper's "random initialisation" may be read. Off the cloth the net learned that
@@ -205,6 +208,7 @@ class PlannerConfig:
     min_step: float = 1e-6
     max_step: float = 0.5
     min_improvement: float = 1e-6
+    max_displacement: float = 1.4
     time_budget: float = math.inf
     start_on_cloth: bool = True
     max_steps: int = 3

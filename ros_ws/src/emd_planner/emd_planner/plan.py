@@ -171,7 +171,14 @@ class _Planner:
         config = self.config
         generator = torch.Generator().manual_seed(seed)
         silhouette = silhouettes(self.initial) if config.start_on_cloth else None
-        starts = random_values(config.restarts, steps, silhouette, generator, self.device)
+        starts = random_values(
+            config.restarts,
+            steps,
+            silhouette,
+            generator,
+            self.device,
+            config.max_displacement,
+        )
         told = None
         if self.on_iteration is not None:
             callback = self.on_iteration
@@ -186,6 +193,7 @@ class _Planner:
             _with_budget(config, time_budget),
             told,
             self.should_stop,
+            torch.tensor([1.0] * 4 + [config.max_displacement] * 2),
         )
         self.iterations += found.iterations
         return self._first_that_grasps(found)

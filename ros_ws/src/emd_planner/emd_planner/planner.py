@@ -39,7 +39,7 @@ class SearchResult:
     """The best of each restart, best restart first.
 
     Attributes:
-        values: Shape (R, n, V), within [-1, 1].
+        values: Shape (R, n, V), within the limits.
         costs: Shape (R,), ascending; infinite for a restart whose cost was never finite.
         iterations: Iterations done.
     """
@@ -56,6 +56,7 @@ def search(
     config: PlannerConfig,
     on_iteration: Callable[[SearchProgress], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
+    limits: Tensor | None = None,
 ) -> SearchResult:
     """Lower the cost of all restarts side by side with iRprop- (III-C, steps 2 to 6).
 
@@ -70,12 +71,15 @@ def search(
         config: Steps, limits and bounds.
         on_iteration: Told of the progress after every iteration.
         should_stop: Asked before every iteration.
+        limits: Largest magnitude of each value, shape (V,); 1 if None.
 
     Raises:
         CancelledError: If `should_stop` says so; the best so far was told to `on_iteration`.
     """
     started = time.monotonic()
-    values = initial_values.clone().clamp(-1.0, 1.0)
+    largest = torch.ones(initial_values.shape[-1]) if limits is None else limits
+    largest = largest.to(initial_values)
+    values = initial_values.clamp(-largest, largest)
     best_values = values.clone()
     best_costs = torch.full((len(values),), torch.inf, device=values.device)
     stale = torch.zeros(len(values), dtype=torch.long, device=values.device)
@@ -96,7 +100,8 @@ def search(
         better = rows[improved]
         best_costs[better], best_values[better] = costs[improved], candidate[improved]
         stale[rows] = torch.where(improved, 0, stale[rows] + 1)
-        values[rows] = (candidate + optimiser.move(gradient.nan_to_num(), rows)).clamp(-1.0, 1.0)
+        moved = candidate + optimiser.move(gradient.nan_to_num(), rows)
+        values[rows] = moved.clamp(-largest, largest)
         rows = rows[stale[rows] < config.patience]
         if on_iteration is not None:
             best = int(best_costs.argmin())
@@ -115,6 +120,7 @@ def random_values(
     silhouette: Tensor | None,
     generator: torch.Generator,
     device: torch.device,
+    max_displacement: float = 1.0,
 ) -> Tensor:
     """Draw starts for `search` (III-C, step 2).
 
@@ -125,9 +131,10 @@ def random_values(
             in [-1, 1]. Where the cloth lies in later steps is not known; its first place is used.
         generator: On the CPU.
         device: Of the result.
+        max_displacement: Largest magnitude of a displacement's x and y.
 
     Returns:
-        Shape (restarts, steps, 6): points x0 y0 x1 y1, then a displacement in [-1, 1].
+        Shape (restarts, steps, 6): points x0 y0 x1 y1, then a displacement.
     """
     values = 2.0 * torch.rand((restarts, steps, 6), generator=generator) - 1.0
     columns = torch.nonzero(silhouette.cpu()) if silhouette is not None else torch.zeros(0, 2)
@@ -137,4 +144,5 @@ def random_values(
         size = torch.tensor(silhouette.shape)
         points = (columns[choice] + inside) / size * 2.0 - 1.0
         values[..., :4] = points.flatten(2)
+    values[..., 4:] *= max_displacement
     return values.to(device)
