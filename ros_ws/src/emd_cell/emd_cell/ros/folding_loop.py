@@ -10,9 +10,12 @@ from numpy.typing import NDArray
 
 from emd_cell.report import DemoReport, Score, StepReport, StripColumn, error_entry
 from emd_cell.ros.cell_client import CellClient, Plan
-from emd_core.errors import CellError
+from emd_core.errors import CellError, CollisionError, NoHemError, NoPlanError, OutOfReachError
 from emd_core.metrics import voxel_mse
 from emd_core.voxel_grid import VoxelGrid
+
+# Errors after which nothing has moved and another plan may do.
+_REFUSALS = (NoPlanError, NoHemError, OutOfReachError, CollisionError)
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,7 @@ class FoldingConfig:
         done_mse: Voxel MSE to the goal, as the camera sees it, below which the cloth is folded.
         gain: A further manipulation is only made if it is predicted to lower the MSE to this share
             of the present one.
+        attempts: Plans tried, each from another seed, when one cannot be made or carried out.
         seed: Of the planner's random initialisations.
     """
 
@@ -32,6 +36,7 @@ class FoldingConfig:
     retries: int = 1
     done_mse: float = 0.008
     gain: float = 0.7
+    attempts: int = 3
     seed: int = 0
 
 
@@ -68,35 +73,50 @@ class FoldingLoop:
         self.trace = FoldingTrace()
 
     def run(self) -> None:
-        """Fold until done; the report holds the error with which it ended, if any."""
+        """Fold until done; `report` has every step, the refused ones with their errors.
+
+        Raises:
+            CellError: If a planned manipulation could not be carried out. A further one that is
+                only meant to improve the fold may fail.
+        """
         seen = self._look("before")
         self._report.initial = self._report.final = self._score(seen)
-        remaining = self._config.steps
-        retries = self._config.retries
-        while remaining > 0:
+        for remaining in range(self._config.steps, 0, -1):
+            seen = self._step(seen, remaining)
+        for _ in range(self._config.retries):
+            if voxel_mse(seen, self._goal) <= self._config.done_mse or not self._worth_it(seen):
+                return
+            try:
+                seen = self._step(seen, 1)
+            except _REFUSALS:
+                return
+
+    def _step(self, seen: VoxelGrid, remaining: int) -> VoxelGrid:
+        """Plan and carry out one manipulation; a refused plan is followed by another one."""
+        for attempt in range(self._config.attempts):
             step = StepReport()
             self._report.steps.append(step)
             try:
-                seen = self._fold_once(seen, remaining, step)
+                seen = self._fold_once(seen, remaining, self._config.seed + attempt, step)
+            except _REFUSALS as err:
+                step.error = error_entry(err)
+                if attempt + 1 == self._config.attempts:
+                    raise
+                continue
             except CellError as err:
                 step.error = error_entry(err)
                 raise
             self._report.final = step.executed = self._score(seen)
-            remaining -= 1
-            if (
-                remaining == 0
-                and retries > 0
-                and voxel_mse(seen, self._goal) > self._config.done_mse
-            ):
-                if not self._worth_another(seen):
-                    return
-                remaining, retries = 1, retries - 1
+            return seen
+        raise AssertionError("attempts is at least 1")
 
-    def _fold_once(self, seen: VoxelGrid, remaining: int, step: StepReport) -> VoxelGrid:
-        plan = self._plan(seen, remaining)
+    def _fold_once(
+        self, seen: VoxelGrid, remaining: int, seed: int, step: StepReport
+    ) -> VoxelGrid:
+        plan = self._plan(seen, remaining, seed)
         step.plan_ms, step.predicted_mse = plan.planning_ms, plan.predicted_loss
         step.planned = plan.manipulations[0].as_entry()
-        number = len(self._report.steps)
+        number = sum(item.executed is not None for item in self._report.steps) + 1
         self.trace.columns.append(StripColumn(f"predicted {number}", plan.predicted_grids[0]))
         grasped = self._client.execute(
             plan.manipulations[0],
@@ -105,20 +125,24 @@ class FoldingLoop:
         step.grasped = grasped.as_entry()
         return self._look(f"after {number}")
 
-    def _plan(self, seen: VoxelGrid, steps: int) -> Plan:
+    def _plan(self, seen: VoxelGrid, steps: int, seed: int) -> Plan:
         self._on_phase("planning")
         return self._client.plan(
             seen,
             self._goal,
             steps,
-            self._config.seed,
+            seed,
             on_feedback=lambda iteration, loss: self._on_phase(
                 f"planning: iteration {iteration}, predicted loss {loss:.4f}"
             ),
         )
 
-    def _worth_another(self, seen: VoxelGrid) -> bool:
-        plan = self._plan(seen, 1)
+    def _worth_it(self, seen: VoxelGrid) -> bool:
+        """Whether one more manipulation is predicted to bring the cloth much nearer."""
+        try:
+            plan = self._plan(seen, 1, self._config.seed)
+        except NoPlanError:
+            return False
         return plan.predicted_loss < self._config.gain * voxel_mse(seen, self._goal)
 
     def _look(self, title: str) -> VoxelGrid:
