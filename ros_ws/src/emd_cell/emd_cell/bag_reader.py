@@ -116,8 +116,8 @@ class BagReader:
             others = [name for name, message_type in present.items() if message_type in types]
             found = f"it is a {present[topic]}" if topic in present else "the bag does not have it"
             raise InvalidInputError(
-                f"topic {topic} ({kind}) of type {types[0]} is needed, but {found}; topics of "
-                f"type: {', '.join(sorted(others)) or 'none'}. Name the right one with --{kind}"
+                f"topic {topic} ({kind}) of type {types[0]} is needed, but {found}; topics "
+                f"of that type: {', '.join(sorted(others)) or 'none'}. Name the right one with --{kind}"
             )
 
 
