@@ -117,7 +117,8 @@ class BagReader:
             found = f"it is a {present[topic]}" if topic in present else "the bag does not have it"
             raise InvalidInputError(
                 f"topic {topic} ({kind}) of type {types[0]} is needed, but {found}; topics "
-                f"of that type: {', '.join(sorted(others)) or 'none'}. Name the right one with --{kind}"
+                f"of that type: {', '.join(sorted(others)) or 'none'}. "
+                f"Name the right one with --{kind}"
             )
 
 
