@@ -10,12 +10,19 @@ from numpy.typing import NDArray
 
 from emd_cell.report import DemoReport, Score, StepReport, StripColumn, error_entry
 from emd_cell.ros.cell_client import CellClient, Plan
-from emd_core.errors import CellError, CollisionError, NoHemError, NoPlanError, OutOfReachError
+from emd_core.errors import (
+    CellError,
+    CollisionError,
+    InvalidInputError,
+    NoHemError,
+    NoPlanError,
+    OutOfReachError,
+)
 from emd_core.metrics import voxel_mse
 from emd_core.voxel_grid import VoxelGrid
 
 # Errors after which nothing has moved and another plan may do.
-_REFUSALS = (NoPlanError, NoHemError, OutOfReachError, CollisionError)
+_REFUSALS = (NoPlanError, NoHemError, OutOfReachError, CollisionError, InvalidInputError)
 
 
 @dataclass(frozen=True)
@@ -28,6 +35,8 @@ class FoldingConfig:
         done_mse: Voxel MSE to the goal, as the camera sees it, below which the cloth is folded.
         gain: A further manipulation is only made if it is predicted to lower the MSE to this share
             of the present one.
+        restarts: Random initialisations of the search; more than the paper's 10, as the weights
+            shipped now are trained little.
         attempts: Plans tried, each from another seed, when one cannot be made or carried out.
         seed: Of the planner's random initialisations.
     """
@@ -36,6 +45,7 @@ class FoldingConfig:
     retries: int = 1
     done_mse: float = 0.008
     gain: float = 0.7
+    restarts: int = 24
     attempts: int = 3
     seed: int = 0
 
@@ -132,6 +142,7 @@ class FoldingLoop:
             self._goal,
             steps,
             seed,
+            self._config.restarts,
             on_feedback=lambda iteration, loss: self._on_phase(
                 f"planning: iteration {iteration}, predicted loss {loss:.4f}"
             ),
