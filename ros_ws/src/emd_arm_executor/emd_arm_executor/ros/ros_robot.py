@@ -17,7 +17,7 @@ from emd_arm_executor.robot_interface import RobotInterface
 from emd_core.errors import NoObservationError, TrackingError
 from emd_core.ros import conversions
 
-_STALLED = 10.0  # seconds of the wall clock without any progress of the robot's
+_STALLED = 30.0  # seconds of the wall clock without any progress of the robot's
 _GRIPPER_TIME = 0.3  # seconds in which the jaws open or close
 _HOLD_TIME = 0.1
 

@@ -83,7 +83,7 @@ class CellClient(Node):
         self.create_subscription(VoxelGridMsg, "simulation/voxel_grid", self._on_truth, 5)
         self.create_subscription(Image, "simulation/overview/image_raw", self._on_overview, 50)
 
-    def wait_for_cell(self, timeout: float = 60.0) -> None:
+    def wait_for_cell(self, timeout: float = 180.0) -> None:
         """Wait until every node offers its service.
 
         Raises:
