@@ -88,8 +88,9 @@ class SimulationNode(Node):
         noise = KinectNoise(np.random.default_rng(self._config.seed))
         self._camera = HeadCamera(self._world, noise=noise if self._config.noise else None)
         self._overview = OverviewCamera(self._world, self._camera.renderer)
-        self._camera.capture(self._simulation.cloth)  # compiles the renderer before time runs
-        self._simulation.cloth.advance(self._config.step)
+        # The first pictures compile the renderer, which must not hold up simulated time later.
+        self._camera.capture(self._simulation.cloth)
+        self._overview.capture(self._simulation.cloth)
         self._advertise()
         self._due: dict[str, float] = {}
         self._camera_pose: np.ndarray | None = None

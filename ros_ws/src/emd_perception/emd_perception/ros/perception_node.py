@@ -52,7 +52,7 @@ class PerceptionNodeConfig:
     reliable: bool = False
     sync_tolerance: float = 0.02
     capture_frames: int = 10
-    capture_timeout: float = 20.0
+    capture_timeout: float = 40.0
 
 
 class PerceptionNode(Node):
