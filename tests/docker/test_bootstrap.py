@@ -32,6 +32,7 @@ def cell(tmp_path, monkeypatch) -> ModuleType:
         monkeypatch.setattr(module, name, venv / file)
     (tmp_path / "requirements.lock").write_text("numpy==2.4.6\n")
     module.done = []
+    module.real_build = module.build_workspace
     for name in STAGES:
         stage = note_stage(module.done, name)
         monkeypatch.setattr(module, name, stage)
@@ -104,17 +105,39 @@ def test_missing_packages_are_named_in_one_command_and_nothing_is_left(cell, mon
     assert cell.done == []
 
 
-def test_a_build_that_was_killed_is_dropped(cell):
-    """Objects that a killed compiler left are removed; those of a finished build stay."""
+def test_a_build_that_was_killed_is_dropped(cell, monkeypatch):
+    """Objects that a killed compiler left are removed; those of a failed build stay."""
     made = cell.WORKSPACE / "build" / "emd_msgs_py" / "half.o"
     made.parent.mkdir(parents=True)
     made.touch()
     cell.VENV.mkdir()
-    cell.clear_unusable_build()
-    assert made.exists()
+    found = []
+
+    def colcon(*_) -> None:
+        found.append(made.exists())
+        raise cell.SetupError("does not compile")
+
+    monkeypatch.setattr(cell, "run_logged", colcon)
+    for _ in range(2):
+        with pytest.raises(cell.SetupError):
+            cell.real_build()
     cell.BUILDING.touch()
-    cell.clear_unusable_build()
-    assert not made.exists()
+    with pytest.raises(cell.SetupError):
+        cell.real_build()
+    assert found == [True, True, False]
+
+
+def test_the_python_of_the_environment_is_kept(cell):
+    """Commands go on under the Python that `.venv` was made from while that works."""
+    settings = cell.VENV / "pyvenv.cfg"
+    assert cell.environment_python() is None
+    cell.VENV.mkdir()
+    settings.write_text(f"home = /usr/bin\nexecutable = {cell.base_python()}\n")
+    assert cell.environment_python() == cell.base_python()
+    settings.write_text("executable = /nowhere/python3.11\n")
+    assert cell.environment_python() is None
+    settings.write_text("executable = /bin/false\n")
+    assert cell.environment_python() is None
 
 
 def test_a_child_keeps_the_lock_of_a_set_up_that_was_killed(tmp_path):
