@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,7 +20,9 @@ from emd_planner.plan import plan
 
 FOV = FieldOfView()
 HALF = torch.tensor([0.4, 0.25])
-CONFIG = PlannerConfig(restarts=6, max_iterations=60)
+# The toy world knows moves of up to 1 and grasps within a voxel, as the paper has them.
+PAPER = PlannerConfig(max_displacement=1.0, grasp_tolerance_voxels=1)
+CONFIG = replace(PAPER, restarts=6, max_iterations=60)
 
 
 class CarriedPatch(nn.Module):
@@ -91,7 +94,7 @@ def test_hand_off_the_cloth_is_unused(patch_at):
     """A grasp point off the silhouette, beyond the tolerance, becomes NaN; some plan has one."""
     used = []
     for seed in range(6):
-        config = PlannerConfig(restarts=8, max_iterations=40, start_on_cloth=False)
+        config = replace(PAPER, restarts=8, max_iterations=40, start_on_cloth=False)
         found = plan(CarriedPatch(), patch_at(0.0, 0.0), patch_at(0.4, 0.1), 1, config, seed=seed)
         manipulation = found.manipulations[0]
         used.append(manipulation.used)
@@ -104,14 +107,14 @@ def test_hand_off_the_cloth_is_unused(patch_at):
 
 def test_number_of_steps_is_chosen_when_left_open(patch_at):
     """One step suffices for what one displacement can do, though three could as well."""
-    config = PlannerConfig(restarts=6, max_iterations=100, max_steps=2, step_margin=0.5)
+    config = replace(PAPER, restarts=6, max_iterations=100, max_steps=2, step_margin=0.5)
     found = plan(CarriedPatch(), patch_at(0.0, 0.0), patch_at(0.3, 0.0), 0, config)
     assert len(found.manipulations) == 1
 
 
 def test_two_steps_are_taken_where_one_cannot_do(patch_at):
     """A goal 1.2 away, beyond one displacement, is reached by two moves; left open, by two."""
-    config = PlannerConfig(restarts=12, max_iterations=80, max_steps=2)
+    config = replace(PAPER, restarts=12, max_iterations=80, max_steps=2)
     initial, goal = patch_at(-0.6, 0.0), patch_at(0.6, 0.0)
     one = plan(CarriedPatch(), initial, goal, 1, config)
     chosen = plan(CarriedPatch(), initial, goal, 0, config)

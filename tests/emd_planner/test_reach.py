@@ -135,4 +135,6 @@ def test_default_regions_are_mirror_images_and_hold_the_middle():
     middle = torch.zeros(2)
     for polygon in (config.left, config.right):
         assert distance_to_polygon(middle, normalised_polygon(polygon, FOV)) == 0.0
-    assert np.mean([y for _, y in config.left]) < 0.0
+    far = torch.tensor([-0.15, -0.25]) / FOV.half_extent
+    left, right = (normalised_polygon(p, FOV) for p in (config.left, config.right))
+    assert distance_to_polygon(far, left) < 0.01 < distance_to_polygon(far, right)

@@ -23,8 +23,8 @@ def ros_domain() -> Iterator[int]:
 
 @pytest.fixture(scope="session")
 def launcher(ros_domain, tmp_path_factory) -> Iterator[Launcher]:
-    """All nodes of the cell, twice as fast as real time."""
-    nodes = cell_nodes(overview=False, real_time_factor=2.0)
+    """All nodes of the cell, in real time."""
+    nodes = cell_nodes(overview=False, real_time_factor=1.0)
     with Launcher(nodes, tmp_path_factory.mktemp("cell")) as started:
         yield started
 

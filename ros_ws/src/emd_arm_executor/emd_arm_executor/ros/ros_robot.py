@@ -18,6 +18,8 @@ from emd_core.errors import NoObservationError, TrackingError
 from emd_core.ros import conversions
 
 _STALLED = 30.0  # seconds of the wall clock without any progress of the robot's
+_STALE = 0.03  # seconds of the robot's clock
+_STALE_PATIENCE = 0.5  # seconds of the wall clock
 _GRIPPER_TIME = 0.3  # seconds in which the jaws open or close
 _HOLD_TIME = 0.1
 
@@ -70,11 +72,21 @@ class RosRobot(RobotInterface):
             time.sleep(0.002)
 
     def joint_positions(self) -> Mapping[str, float]:
-        """Give the last measured positions.
+        """Give the measured positions, no older than a few messages if they keep coming.
+
+        On a busy machine joint_states lag behind the clock; a stale posture would look like an arm
+        that does not follow.
 
         Raises:
             NoObservationError: If none has come yet.
         """
+        now, patience = self.now(), time.monotonic() + _STALE_PATIENCE
+        while time.monotonic() < patience:
+            state = self._state
+            stamp = conversions.time_from_message(state.header.stamp) if state else -1.0
+            if stamp >= now - _STALE:
+                break
+            time.sleep(0.001)
         state = self._state
         if state is None:
             raise NoObservationError("no joint_states have come yet; start the robot's driver")
