@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -21,6 +20,7 @@ from emd_cell.bag_reader import BagMessage, BagReader, BagTopics
 from emd_core.errors import DeadlineError
 from emd_core.ros import conversions
 from emd_core.voxel_grid import VoxelGrid
+from emd_core.whole_file import write_text
 from emd_msgs_py.msg import VoxelGrid as VoxelGridMsg
 
 NAMESPACE = "/replay"  # keeps the replay apart from a live cell
@@ -137,6 +137,10 @@ def replay_bag(
     newest: dict[str, BagMessage] = {}
     with BagReader(bag, topics) as reader:
         out.mkdir(parents=True, exist_ok=True)
+        for kind in ("info", "pose"):  # a bag may hold images from before the first of them
+            known = reader.first(kind)
+            if known is not None:
+                client.publish(known)
         for message in reader.messages():
             if message.error:
                 reason = f"{message.kind} message cannot be decoded: {message.error}"
@@ -149,7 +153,7 @@ def replay_bag(
                     color, depth = newest.pop("color"), newest.pop("depth")
                     _play(client, color, depth, out, summary)
                     on_frame(summary)
-    _write_summary(out / "summary.json", summary)
+    write_text(out / "summary.json", json.dumps(vars(summary), indent=1))
     return summary
 
 
@@ -177,12 +181,6 @@ def _play(
             "reason": verdict["reason"],
         }
     )
-
-
-def _write_summary(path: Path, summary: ReplaySummary) -> None:
-    temporary = path.with_suffix(".tmp")
-    temporary.write_text(json.dumps(vars(summary), indent=1))
-    os.replace(temporary, path)
 
 
 def _nanoseconds(message: Any) -> int:

@@ -91,13 +91,15 @@ class PerceptionNode(Node):
             durability=DurabilityPolicy.TRANSIENT_LOCAL,
         )
         sensor = QoSProfile(depth=5) if self._config.reliable else qos_profile_sensor_data
+        # Before the images: of several messages that wait, those of the first subscription are
+        # handled first, so an image never meets a calibration older than itself.
+        self.create_subscription(CameraInfo, "camera/color/camera_info", self._on_info, sensor)
+        self.create_subscription(PoseStamped, "camera/pose", self._on_pose, latched)
         for kind, topic in (
             ("colour", "camera/color/image_raw"),
             ("depth", "camera/depth_registered/image_raw"),
         ):
             self.create_subscription(Image, topic, partial(self._on_image, kind), sensor)
-        self.create_subscription(CameraInfo, "camera/color/camera_info", self._on_info, sensor)
-        self.create_subscription(PoseStamped, "camera/pose", self._on_pose, latched)
 
     def _on_info(self, message: CameraInfo) -> None:
         self._camera = message

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,7 +29,7 @@ from emd_msgs_py.srv import PlanFold as PlanFoldService
 from emd_planner.config import PlannerConfig, Polygon, ReachConfig
 from emd_planner.device import resolve_device
 from emd_planner.plan import FoldPlan, PlanningProgress, plan
-from emd_planner.weights import load_net
+from emd_planner.ros.served_net import ServedNet
 
 
 class PlannerNode(Node):
@@ -40,15 +39,13 @@ class PlannerNode(Node):
         """Load the network and offer action and service.
 
         Raises:
-            ModelError: If the weights are missing or do not fit.
             InvalidInputError: If a parameter is out of range.
         """
         super().__init__("planner")
         self._config = declare_config(self, PlannerConfig(), "search.")
         self._reach = self._declare_reach()
-        weights = self.declare_parameter("weights", "").value
         device = resolve_device(self.declare_parameter("device", "auto").value)
-        self._net = load_net(Path(weights) if weights else None).to(device)
+        self._net = ServedNet(self, device)
         self._latest: VoxelGridMsg | None = None
         self.create_subscription(VoxelGridMsg, "perception/voxel_grid", self._on_grid, 5)
         self._markers = self.create_publisher(MarkerArray, "planner/markers", 5)
@@ -130,7 +127,7 @@ class PlannerNode(Node):
             time_budget=request.time_budget or self._config.time_budget,
         )
         found = plan(
-            self._net,
+            self._net.get(),
             initial,
             goal,
             request.steps,
@@ -166,6 +163,7 @@ class PlannerNode(Node):
                 conversions.voxel_grid_to_message(grid, header) for grid in found.predicted_grids
             ],
             predicted_loss=found.predicted_loss,
+            reconstruction_loss=found.reconstruction_loss,
         )
 
     def _feedback(self, progress: PlanningProgress, initial: VoxelGrid) -> PlanFold.Feedback:
