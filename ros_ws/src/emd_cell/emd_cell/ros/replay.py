@@ -13,12 +13,13 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
+from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import CameraInfo, Image
 
 from emd_cell.bag_reader import BagMessage, BagReader, BagTopics
 from emd_core.errors import DeadlineError
 from emd_core.ros import conversions
+from emd_core.ros.quality_of_service import LATCHED
 from emd_core.voxel_grid import VoxelGrid
 from emd_core.whole_file import write_text
 from emd_msgs_py.msg import VoxelGrid as VoxelGridMsg
@@ -50,16 +51,11 @@ class ReplayClient(Node):
     def __init__(self) -> None:
         """Make the publishers and subscriptions in the replay's own namespace."""
         super().__init__("replay", namespace=NAMESPACE)
-        latched = QoSProfile(
-            depth=1,
-            reliability=ReliabilityPolicy.RELIABLE,
-            durability=DurabilityPolicy.TRANSIENT_LOCAL,
-        )
         self._publishers_by_kind = {
             "color": self.create_publisher(Image, "camera/color/image_raw", 5),
             "depth": self.create_publisher(Image, "camera/depth_registered/image_raw", 5),
             "info": self.create_publisher(CameraInfo, "camera/color/camera_info", 5),
-            "pose": self.create_publisher(PoseStamped, "camera/pose", latched),
+            "pose": self.create_publisher(PoseStamped, "camera/pose", LATCHED),
         }
         self._grids: dict[int, VoxelGrid] = {}
         self._verdicts: dict[int, dict[str, str]] = {}
