@@ -153,7 +153,10 @@ def replay(
     from emd_cell.replay_command import run_replay
 
     summary = run_replay(bag, BagTopics(color, depth, info, pose), out, console)
-    print(f"{summary.frames} frames, {len(summary.grids)} grids, {len(summary.skipped)} skipped")
+    print(
+        f"{summary.frames} pairs of images, {len(summary.grids)} grids, {len(summary.skipped)} "
+        f"skipped, {summary.unpaired} images without a partner"
+    )
     for entry in summary.skipped[:5]:
         print(f"skipped at {entry['stamp']}: {entry['reason']}", file=sys.stderr)
     print(f"written: {out}")

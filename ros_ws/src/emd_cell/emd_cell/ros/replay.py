@@ -18,6 +18,7 @@ from sensor_msgs.msg import CameraInfo, Image
 
 from emd_cell.bag_reader import BagMessage, BagReader, BagTopics
 from emd_core.errors import DeadlineError
+from emd_core.pair_matcher import PairMatcher
 from emd_core.ros import conversions
 from emd_core.ros.quality_of_service import LATCHED
 from emd_core.voxel_grid import VoxelGrid
@@ -37,12 +38,14 @@ class ReplaySummary:
         frames: Colour-depth pairs played.
         grids: One entry for every grid: file, stamp (ns), occupied voxels, quality, reason.
         skipped: One entry for every message or pair without a grid: stamp (ns) and reason.
+        unpaired: Images left out because none of the other kind was taken at the same moment.
     """
 
     bag: str
     frames: int = 0
     grids: list[dict[str, Any]] = field(default_factory=list)
     skipped: list[dict[str, Any]] = field(default_factory=list)
+    unpaired: int = 0
 
 
 class ReplayClient(Node):
@@ -130,7 +133,7 @@ def replay_bag(
         InvalidInputError: If the bag or its topics cannot be read.
     """
     summary = ReplaySummary(str(bag))
-    newest: dict[str, BagMessage] = {}
+    matcher = PairMatcher[BagMessage](("color", "depth"), _TOLERANCE)
     with BagReader(bag, topics) as reader:
         out.mkdir(parents=True, exist_ok=True)
         for kind in ("info", "pose"):  # a bag may hold images from before the first of them
@@ -144,17 +147,13 @@ def replay_bag(
             elif message.kind in ("info", "pose"):
                 client.publish(message)
             else:
-                newest[message.kind] = message
-                if _is_pair(newest):
-                    color, depth = newest.pop("color"), newest.pop("depth")
-                    _play(client, color, depth, out, summary)
+                pair = matcher.add(message.kind, message.stamp, message)
+                if pair is not None:
+                    _play(client, *pair, out, summary)
                     on_frame(summary)
+    summary.unpaired = matcher.unpaired + matcher.waiting
     write_text(out / "summary.json", json.dumps(vars(summary), indent=1))
     return summary
-
-
-def _is_pair(newest: dict[str, BagMessage]) -> bool:
-    return len(newest) == 2 and abs(newest["color"].stamp - newest["depth"].stamp) <= _TOLERANCE
 
 
 def _play(

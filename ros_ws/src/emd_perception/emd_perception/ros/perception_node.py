@@ -16,6 +16,7 @@ from sensor_msgs.msg import CameraInfo, Image
 
 from emd_core.errors import CellError, NoObservationError
 from emd_core.frames import FieldOfView
+from emd_core.pair_matcher import PairMatcher
 from emd_core.ros import conversions
 from emd_core.ros.parameters import declare_config
 from emd_core.ros.quality_of_service import LATCHED
@@ -28,7 +29,7 @@ from emd_perception.depth_image import depth_in_metres
 from emd_perception.open3d_library import load_open3d
 from emd_perception.pipeline import Perception, perceive_frames
 from emd_perception.ros.frame_buffer import FrameBuffer
-from emd_perception.ros.frame_pairs import FramePair, FramePairs
+from emd_perception.ros.frame_pair import FramePair
 from emd_perception.ros.perception_publisher import PerceptionPublisher, perception_messages
 
 
@@ -61,7 +62,7 @@ class PerceptionNode(Node):
         self._config = declare_config(self, PerceptionNodeConfig(), "node.")
         self._core_config = declare_config(self, PerceptionConfig())
         self._field_of_view = declare_config(self, FieldOfView(), "field_of_view.")
-        self._pairs = FramePairs(self._config.sync_tolerance)
+        self._pairs = PairMatcher[Image](("colour", "depth"), self._config.sync_tolerance)
         self._camera: Any = None
         self._camera_pose: PoseStamped | None = None
         self._buffer = FrameBuffer()
@@ -96,9 +97,10 @@ class PerceptionNode(Node):
         self._camera_pose = message
 
     def _on_image(self, kind: str, message: Image) -> None:
-        pair = self._pairs.add(kind, message)
+        stamp = conversions.time_from_message(message.header.stamp)
+        pair = self._pairs.add(kind, stamp, message)
         if pair is not None:
-            self._buffer.add(pair)
+            self._buffer.add(FramePair(*pair))
 
     def _stream(self) -> None:
         """Process the newest pair, again and again; what cannot be served in time is dropped."""

@@ -15,7 +15,7 @@ from emd_core.ros import conversions
 from emd_core.ros.markers import voxel_marker
 from emd_msgs_py.msg import VoxelGrid as VoxelGridMsg
 from emd_perception.pipeline import Perception
-from emd_perception.ros.frame_pairs import FramePair
+from emd_perception.ros.frame_pair import FramePair
 
 
 @dataclass(frozen=True)
