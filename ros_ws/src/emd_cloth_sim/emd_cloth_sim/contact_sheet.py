@@ -17,7 +17,7 @@ from emd_core.errors import InvalidInputError
 from emd_core.sequence_reader import SequenceReader, read_sequences
 from emd_core.whole_file import whole_file
 
-VIEW = 1.5
+LEAST_VIEW = 1.1
 HAND_COLOURS = ("#d62728", "#1f3fd6")
 
 
@@ -69,6 +69,7 @@ def _draw_sequence(
     row: NDArray[Any], sequence: ClothSequence, mesh: tuple[int, int] | None
 ) -> None:
     surface = sequence.upper_surface
+    view = _view(sequence)
     for step, axis in enumerate(row):
         axis.set_axis_off()
         if step > len(sequence):
@@ -77,14 +78,28 @@ def _draw_sequence(
             heights = sequence.grids[step].sum(axis=2).astype(float)
             axis.imshow(heights, extent=(-1, 1, 1, -1), cmap="Greys")
         else:
-            axis.imshow(top_view(surface[step], mesh, VIEW), extent=(-VIEW, VIEW, VIEW, -VIEW))
+            axis.imshow(top_view(surface[step], mesh, view), extent=(-view, view, view, -view))
         axis.plot([-1, 1, 1, -1, -1], [-1, -1, 1, 1, -1], color="#555555", linewidth=0.7)
-        axis.set_xlim(-VIEW, VIEW)
-        axis.set_ylim(VIEW, -VIEW)
+        axis.set_xlim(-view, view)
+        axis.set_ylim(view, -view)
         if step < len(sequence):
             _draw_arrows(axis, sequence, step)
         title = f"sequence {sequence.index}" if step == 0 else f"after {step}"
         axis.set_title(title, fontsize=8, pad=2)
+
+
+def _moves(sequence: ClothSequence) -> NDArray[np.float32]:
+    """Displacement of each hand, shape (L, 2, 2), normalised."""
+    moves = sequence.moves
+    return moves if sequence.independent else np.repeat(moves[:, None], 2, axis=1)
+
+
+def _view(sequence: ClothSequence) -> float:
+    """How far the pictures of a sequence reach, so that all of it is in them."""
+    ends = [np.nanmax(np.abs(sequence.picks + _moves(sequence)))]
+    if sequence.states is not None:
+        ends.append(np.abs(sequence.states[..., :2]).max())
+    return 1.05 * float(max(LEAST_VIEW, *ends))
 
 
 def _draw_arrows(axis: Axes, sequence: ClothSequence, step: int) -> None:
@@ -92,7 +107,7 @@ def _draw_arrows(axis: Axes, sequence: ClothSequence, step: int) -> None:
         x, y = sequence.picks[step, hand]
         if np.isnan(x):
             continue
-        move = sequence.moves[step, hand] if sequence.independent else sequence.moves[step]
+        move = _moves(sequence)[step, hand]
         axis.annotate(
             "",
             xy=(y + move[1], x + move[0]),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+import numba
 import numpy as np
 from llvmlite.binding import get_host_cpu_name
 from numpy.typing import NDArray
@@ -70,6 +71,7 @@ class _Recorder:
 
 def simulate_sequence(config: GenerationConfig, index: int) -> SequenceShard:
     """Simulate the sequence `index`; gives a shard with it, or without it but with its failure."""
+    numba.set_num_threads(1)  # sequences run beside each other, whoever simulates them
     rng = np.random.default_rng([config.seed, index])
     cloth = Cloth(config.material.cloth)
     recorder = _Recorder()

@@ -12,8 +12,6 @@ from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 
-import numba
-
 from emd_cloth_sim.generation_config import GenerationConfig
 from emd_cloth_sim.simulate_sequence import simulate_sequence
 from emd_core.errors import CellError, InvalidInputError, SimulationError
@@ -132,7 +130,6 @@ def _work(config: GenerationConfig, connection: Connection) -> None:
     """Simulate what the pipe asks for, until it or the parent ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent gets it too, and stops its workers
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    numba.set_num_threads(1)
     while True:
         try:
             index = connection.recv()
