@@ -147,5 +147,8 @@ def report_lines(found: DataStatistics, most_failures: int = 20) -> list[str]:
 
 
 def _note(progress: GenerationProgress, steps: int, seconds: float) -> str:
-    rate = 60.0 * progress.new * steps / max(seconds, 1e-3)
-    return f"{rate:.1f} manipulations/min, {len(progress.failures)} failed"
+    good = (progress.new - progress.new_failed) * steps
+    return (
+        f"{60.0 * good / max(seconds, 1e-3):.1f} good manipulations/min, "
+        f"{len(progress.failures)} failed"
+    )

@@ -24,12 +24,14 @@ class GenerationProgress:
         asked: Sequences that were asked for.
         done: Those that are there, failed ones too.
         new: Those among them that this run has simulated.
+        new_failed: Those among the new ones that failed.
         failures: Those that failed, in the order in which that became known.
     """
 
     asked: int
     done: int
     new: int
+    new_failed: int
     failures: tuple[SequenceFailure, ...]
 
 
@@ -61,11 +63,14 @@ def generate(
     """
     with GenerationFolder(folder, config) as target:
         missing = target.missing
-        begun = len(target.done)
+        begun, failed = len(target.done), len(target.failures)
 
         def progress() -> GenerationProgress:
+            failures = tuple(target.failures)
             done = len(target.done)
-            return GenerationProgress(config.sequences, done, done - begun, tuple(target.failures))
+            return GenerationProgress(
+                config.sequences, done, done - begun, len(failures) - failed, failures
+            )
 
         if on_progress is not None:
             on_progress(progress())
