@@ -220,6 +220,12 @@ def test_other_code_is_refused(whole: Path, monkeypatch: pytest.MonkeyPatch) -> 
         generate(CONFIG, whole)
 
 
+def test_place_that_cannot_be_a_folder_is_refused(whole: Path) -> None:
+    """A file in the way is an input error, not a crash."""
+    with pytest.raises(InvalidInputError, match="name another"):
+        generate(CONFIG, whole / "generation.json")
+
+
 def test_two_generators_do_not_share_a_folder(whole: Path) -> None:
     """A second generator is refused while the first one writes."""
     with pytest.raises(BusyError):

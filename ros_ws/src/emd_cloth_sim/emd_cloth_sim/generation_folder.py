@@ -52,9 +52,14 @@ class GenerationFolder:
             BusyError: If another process writes to it.
             InvalidInputError: If it belongs to another data set or a file cannot be read.
         """
-        self.path.mkdir(parents=True, exist_ok=True)
-        # The lock is the folder's own, so it leaves no file, and a kill releases it.
-        self._lock = os.open(self.path, os.O_RDONLY)
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            # The lock is the folder's own, so it leaves no file, and a kill releases it.
+            self._lock = os.open(self.path, os.O_RDONLY)
+        except OSError as err:
+            raise InvalidInputError(
+                f"{self.path} should be a folder to generate into: {err}; name another"
+            ) from err
         try:
             try:
                 fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
