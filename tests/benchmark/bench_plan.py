@@ -8,6 +8,8 @@ import statistics
 
 import numpy as np
 import torch
+from rich.console import Console
+from rich.progress import track
 
 from emd_cell.bench import BenchmarkResult
 from emd_cloth_sim.cloth import Cloth
@@ -29,8 +31,11 @@ STEPS = (1, 2, 3)
 def run() -> BenchmarkResult:
     """Plan every task with every number of steps and seed; execute each plan as a whole."""
     net, rows = load_net(), []
-    for steps in STEPS:
-        found = [_task(net, name, steps, seed) for name in TASKS for seed in SEEDS]
+    tasks = [(steps, name, seed) for steps in STEPS for name in TASKS for seed in SEEDS]
+    results: dict[int, list[tuple[float, float, float]]] = {steps: [] for steps in STEPS}
+    for steps, name, seed in track(tasks, "planning", console=Console(stderr=True)):
+        results[steps].append(_task(net, name, steps, seed))
+    for steps, found in results.items():
         times = [time for time, _, _ in found]
         rows.append(
             {

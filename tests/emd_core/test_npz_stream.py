@@ -1,5 +1,6 @@
 """Claims about archives that are written bit by bit and read row by row."""
 
+import tempfile
 import zipfile
 from io import BytesIO
 from pathlib import Path
@@ -10,18 +11,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from emd_core.npz_stream import READ_ERRORS, NpzReader, StreamedArray, write_npz
-from emd_core.whole_file import remove_unfinished, whole_file
+from emd_core.npz_stream import READ_ERRORS, NpzReader, StreamedArray, save_npz
+from emd_core.whole_file import remove_unfinished
 
 TYPES = st.sampled_from([np.uint8, np.float16, np.float32, np.int64, np.bool_])
 
 
 def stored(content: dict) -> BytesIO:
     """An archive in memory."""
-    stream = BytesIO()
-    write_npz(stream, content)
-    stream.seek(0)
-    return stream
+    with tempfile.TemporaryDirectory() as folder:
+        save_npz(Path(folder) / "a.npz", content)
+        return BytesIO((Path(folder) / "a.npz").read_bytes())
 
 
 @given(array=TYPES.flatmap(lambda kind: arrays(kind, array_shapes(max_dims=4))))
@@ -61,8 +61,7 @@ def test_streamed_array_equals_a_whole_one() -> None:
 def test_rows_are_read_one_at_a_time(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Reading the first row of a big array does not read the others."""
     path = tmp_path / "big.npz"
-    with path.open("wb") as stream:
-        write_npz(stream, {"a": np.random.default_rng(0).integers(0, 256, (200, 10000), np.uint8)})
+    save_npz(path, {"a": np.random.default_rng(0).integers(0, 256, (200, 10000), np.uint8)})
     read = []
     real = zipfile.ZipExtFile.read
     monkeypatch.setattr(
@@ -97,21 +96,12 @@ def test_damaged_archive_is_noticed(tmp_path: Path) -> None:
             reader.array("a")
 
 
-def test_whole_file_appears_whole_or_not_at_all(tmp_path: Path) -> None:
-    """An error while writing leaves the old content and nothing else."""
-    path = tmp_path / "folder" / "file"
-    with whole_file(path) as stream:
-        stream.write(b"old")
-    with pytest.raises(KeyError), whole_file(path) as stream:
-        stream.write(b"new")
-        raise KeyError
-    assert path.read_bytes() == b"old" and list(path.parent.iterdir()) == [path]
-    assert path.stat().st_mode & 0o777 == 0o644
-
-
 def test_leftovers_of_a_kill_are_removed(tmp_path: Path) -> None:
-    """A half-written neighbour goes, other files stay."""
-    (tmp_path / ".shard_00000.npz.abc.tmp").write_bytes(b"half")
-    (tmp_path / "notes.tmp").write_bytes(b"a user's")
-    remove_unfinished(tmp_path)
-    assert [path.name for path in tmp_path.iterdir()] == ["notes.tmp"]
+    """Half-written shards go, finished ones and what others write stay."""
+    for name in (".shard_00000-abc.npz", "shard_00000.npz", ".notes-abc.npz"):
+        (tmp_path / name).write_bytes(b"")
+    remove_unfinished(tmp_path, "shard_*")
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        ".notes-abc.npz",
+        "shard_00000.npz",
+    ]

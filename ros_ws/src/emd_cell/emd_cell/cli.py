@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -281,6 +282,8 @@ def lock() -> None:
 
 def main() -> int:
     """Run a command; a user's mistake is one line and status 2, a failure status 1."""
+    for stop in (signal.SIGINT, signal.SIGTERM):  # also where a shell or container ignores SIGINT
+        signal.signal(stop, signal.default_int_handler)
     try:
         app(prog_name="./cell")
     except CellError as err:

@@ -24,7 +24,7 @@ from emd_cloth_sim.generation_config import GenerationConfig
 from emd_cloth_sim.ray_workers import RayRunner
 from emd_cloth_sim.workers import ProcessRunner, run_here
 from emd_core.errors import InvalidInputError
-from emd_core.whole_file import whole_file
+from emd_core.whole_file import write_text
 
 LINE_EVERY = 15.0
 """Seconds between two lines of progress where the output is no terminal."""
@@ -99,18 +99,13 @@ def run_inspect(directory: Path, sheet: Path | None, rows: int) -> DataStatistic
     """
     statistics = inspect_data(directory)
     if statistics.sequences and rows:
-        path = sheet or directory / "inspect.png"
-        try:
-            draw_contact_sheet(directory, path, rows)
-        except OSError as err:
-            raise InvalidInputError(f"cannot write {path}: {err}; give another --sheet") from err
+        draw_contact_sheet(directory, sheet or directory / "inspect.png", rows)
     return statistics
 
 
 def write_json(statistics: DataStatistics, path: Path) -> None:
     """Write statistics as JSON, whole or not at all."""
-    with whole_file(path) as stream:
-        stream.write((json.dumps(statistics.as_entry(), indent=1) + "\n").encode())
+    write_text(path, json.dumps(statistics.as_entry(), indent=1) + "\n")
 
 
 def report_lines(found: DataStatistics, most_failures: int = 20) -> list[str]:

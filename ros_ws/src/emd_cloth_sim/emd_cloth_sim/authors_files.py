@@ -24,7 +24,7 @@ from emd_cloth_sim.replay import SPAN, vertex_order
 from emd_core.cloth_sequence import ClothSequence
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FieldOfView
-from emd_core.npz_stream import StreamedArray, write_npz
+from emd_core.npz_stream import StreamedArray, save_npz
 from emd_core.sequence_reader import (
     SequenceFile,
     SequenceReader,
@@ -33,7 +33,6 @@ from emd_core.sequence_reader import (
     sequence_paths,
 )
 from emd_core.sequence_shard import SequenceShard
-from emd_core.whole_file import whole_file
 
 SHARD_SIZE = 16
 
@@ -103,15 +102,14 @@ def export_authors_file(directory: Path, path: Path) -> int:
             "format knows nothing else"
         )
     count = len(reader)
-    with whole_file(path) as stream:
-        write_npz(
-            stream,
-            {
-                "states": _stream(reader, (count, steps + 1, vertices, 3), _surface),
-                "picks": _stream(reader, (count, steps, 2, 2), lambda s: s.picks),
-                "moves": _stream(reader, (count, steps, 2), lambda s: s.moves),
-            },
-        )
+    save_npz(
+        path,
+        {
+            "states": _stream(reader, (count, steps + 1, vertices, 3), _surface),
+            "picks": _stream(reader, (count, steps, 2, 2), lambda s: s.picks),
+            "moves": _stream(reader, (count, steps, 2), lambda s: s.moves),
+        },
+    )
     return count
 
 

@@ -39,8 +39,8 @@ def draw_contact_sheet(directory: Path, path: Path, rows: int = 8) -> None:
     axes = figure.subplots(len(chosen), columns, squeeze=False)
     for row, (sequence, vertices) in zip(axes, chosen, strict=True):
         _draw_sequence(row, sequence, vertices)
-    with whole_file(path) as stream:
-        figure.savefig(stream, format="png", metadata={"Software": None})
+    with whole_file(path) as temporary:
+        figure.savefig(temporary, format="png", metadata={"Software": None})
 
 
 def _spread(

@@ -118,7 +118,7 @@ def inspect_data(directory: Path) -> DataStatistics:
         InvalidInputError: If the directory holds no data or a file cannot be read.
     """
     waiting, failures = _unfinished(directory)
-    finished = any(directory.glob("*.npz")) or not (directory / SETTINGS).exists()
+    finished = any(directory.glob("[!.]*.npz")) or not (directory / SETTINGS).exists()
     reader = SequenceReader([directory]) if finished else None
     sums = _Sums()
     for sequence in reader or ():

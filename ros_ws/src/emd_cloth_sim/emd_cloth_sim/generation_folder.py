@@ -22,7 +22,7 @@ from typing import Any
 from emd_cloth_sim.generation_config import GenerationConfig, provenance
 from emd_core.errors import BusyError, InvalidInputError
 from emd_core.sequence_shard import SequenceFailure, SequenceShard
-from emd_core.whole_file import remove_unfinished, whole_file
+from emd_core.whole_file import remove_unfinished, write_text
 
 SETTINGS = "generation.json"
 PARTIAL = "partial"
@@ -114,7 +114,7 @@ class GenerationFolder:
             **self._provenance,
         }
         found = _read_settings(path)
-        if found is None and any(self.path.glob("*.npz")):
+        if found is None and any(self.path.glob("[!.]*.npz")):
             raise InvalidInputError(
                 f"{self.path} holds .npz files but no {SETTINGS}; use an empty folder"
             )
@@ -134,19 +134,22 @@ class GenerationFolder:
                 )
             if asked == self.config.sequences:
                 return
-        with whole_file(path) as stream:
-            stream.write((json.dumps(wanted, indent=1, sort_keys=True) + "\n").encode())
+        write_text(path, json.dumps(wanted, indent=1, sort_keys=True) + "\n")
 
     def _take_stock(self) -> None:
         """Find what is there and put right what a kill left behind."""
-        remove_unfinished(self.path)
-        remove_unfinished(self.path / PARTIAL)
+        for folder, stem in (
+            (self.path, "generation"),
+            (self.path, "shard_*"),
+            (self.path / PARTIAL, "sequence_*"),
+        ):
+            remove_unfinished(folder, stem)
         for path in sorted(self.path.glob("shard_*.npz")):
             shard = SequenceShard.read(path, ("indices",))
             self._check_provenance(shard, str(path))
             self._note(shard)
         waiting = set()
-        for path in sorted((self.path / PARTIAL).glob("*.npz")):
+        for path in sorted((self.path / PARTIAL).glob("sequence_*.npz")):
             part = SequenceShard.read(path, ("indices",))
             self._check_provenance(part, str(path))
             if part.indices <= self.done:

@@ -7,6 +7,7 @@ one index along the first axis gives.
 from __future__ import annotations
 
 import math
+import os
 import zipfile
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
@@ -18,6 +19,8 @@ from typing import IO, Any, BinaryIO
 import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
+
+from emd_core.whole_file import whole_file
 
 READ_ERRORS = (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile, zlib.error)
 """What a missing, broken or foreign archive raises when it is read."""
@@ -38,11 +41,22 @@ class StreamedArray:
     parts: Iterable[NDArray[Any]]
 
 
-def write_npz(stream: BinaryIO, arrays: Mapping[str, NDArray[Any] | StreamedArray]) -> None:
-    """Write a compressed archive; its bytes depend on the arrays and their order only.
+def save_npz(path: Path, arrays: Mapping[str, NDArray[Any] | StreamedArray]) -> None:
+    """Write a compressed archive, whole or not at all, on the disk when this returns.
 
-    `numpy.savez_compressed` leaves the entries' dates to the zip library; here they are fixed.
+    Its bytes depend on the arrays and their order only: `numpy.savez_compressed` leaves the
+    entries' dates to the zip library, here they are fixed.
+
+    Raises:
+        InvalidInputError: If nothing can be written there.
     """
+    with whole_file(path) as temporary, temporary.open("wb") as stream:
+        _write(stream, arrays)
+        stream.flush()
+        os.fsync(stream.fileno())
+
+
+def _write(stream: BinaryIO, arrays: Mapping[str, NDArray[Any] | StreamedArray]) -> None:
     with zipfile.ZipFile(stream, "w") as archive:
         for name, array in arrays.items():
             entry = zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0))

@@ -110,7 +110,7 @@ def sequence_paths(directory: Path) -> list[Path]:
     Raises:
         InvalidInputError: If there is neither.
     """
-    paths = sorted(directory.glob(PATTERN)) or sorted(directory.glob("*.npz"))
+    paths = sorted(directory.glob(PATTERN)) or sorted(directory.glob("[!.]*.npz"))
     if not paths:
         raise InvalidInputError(
             f"{directory} should hold {PATTERN} or the authors' *.npz files, found none"

@@ -24,8 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emd_core.errors import InvalidInputError
-from emd_core.npz_stream import READ_ERRORS, NpzReader, write_npz
-from emd_core.whole_file import whole_file
+from emd_core.npz_stream import READ_ERRORS, NpzReader, save_npz
 
 FORMAT = 2
 PATTERN = "shard_*.npz"
@@ -68,15 +67,18 @@ class SequenceShard:
         return set(self.arrays["indices"].tolist()) | {entry.index for entry in self.failures}
 
     def write(self, path: Path) -> None:
-        """Write the file; the same content gives the same bytes."""
+        """Write the file, whole or not at all; the same content gives the same bytes.
+
+        Raises:
+            InvalidInputError: If nothing can be written there.
+        """
         meta = {
             "format": FORMAT,
             **self.meta,
             "failures": [asdict(entry) for entry in self.failures],
             "processors": list(self.processors),
         }
-        with whole_file(path) as stream:
-            write_npz(stream, {**self.arrays, "meta": np.array(json.dumps(meta, sort_keys=True))})
+        save_npz(path, {**self.arrays, "meta": np.array(json.dumps(meta, sort_keys=True))})
 
     @classmethod
     def read(cls, path: Path, names: Collection[str] | None = None) -> SequenceShard:

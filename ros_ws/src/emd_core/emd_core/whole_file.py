@@ -7,33 +7,52 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
+
+from emd_core.errors import InvalidInputError
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[BinaryIO]:
-    """Give a stream whose content takes the place of `path` when the block ends without an error.
+def whole_file(path: Path) -> Iterator[Path]:
+    """Give a temporary path in the folder of `path`; what is written there becomes `path`.
 
-    It is written to a neighbour `.NAME.*.tmp` first, which only a kill can leave behind. The
-    folder is made if it is missing.
+    The folder is made if need be. If the body raises, or the process dies, an older file at
+    `path` stays as it was. The temporary path has the same ending.
+
+    Raises:
+        InvalidInputError: If nothing can be written there.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    descriptor, temporary = tempfile.mkstemp(
-        prefix=f".{path.name}.", suffix=".tmp", dir=path.parent
-    )
     try:
-        with os.fdopen(descriptor, "wb") as stream:
-            yield stream
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        descriptor, name = tempfile.mkstemp(
+            prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent
+        )
+    except OSError as err:
+        raise InvalidInputError(f"cannot write {path}: {err.strerror or err}") from err
+    os.close(descriptor)
+    temporary = Path(name)
+    try:
+        yield temporary
+        temporary.chmod(0o644)
+        temporary.replace(path)
     except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise
 
 
-def remove_unfinished(folder: Path) -> None:
-    """Delete what a killed process left of its `whole_file` in this folder."""
-    for path in folder.glob(".*.tmp"):
+def write_text(path: Path, text: str) -> None:
+    """Write a text file, whole or not at all.
+
+    Raises:
+        InvalidInputError: If nothing can be written there.
+    """
+    with whole_file(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def remove_unfinished(folder: Path, stem: str) -> None:
+    """Delete what killed processes left of their `whole_file` with names like `stem`, a pattern.
+
+    Nobody may be writing such a file.
+    """
+    for path in folder.glob(f".{stem}-*"):
         path.unlink(missing_ok=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -14,13 +13,15 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
+from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import CameraInfo, Image
 
 from emd_cell.bag_reader import BagMessage, BagReader, BagTopics
 from emd_core.errors import DeadlineError
 from emd_core.ros import conversions
+from emd_core.ros.quality_of_service import LATCHED
 from emd_core.voxel_grid import VoxelGrid
+from emd_core.whole_file import write_text
 from emd_msgs_py.msg import VoxelGrid as VoxelGridMsg
 
 NAMESPACE = "/replay"  # keeps the replay apart from a live cell
@@ -50,16 +51,11 @@ class ReplayClient(Node):
     def __init__(self) -> None:
         """Make the publishers and subscriptions in the replay's own namespace."""
         super().__init__("replay", namespace=NAMESPACE)
-        latched = QoSProfile(
-            depth=1,
-            reliability=ReliabilityPolicy.RELIABLE,
-            durability=DurabilityPolicy.TRANSIENT_LOCAL,
-        )
         self._publishers_by_kind = {
             "color": self.create_publisher(Image, "camera/color/image_raw", 5),
             "depth": self.create_publisher(Image, "camera/depth_registered/image_raw", 5),
             "info": self.create_publisher(CameraInfo, "camera/color/camera_info", 5),
-            "pose": self.create_publisher(PoseStamped, "camera/pose", latched),
+            "pose": self.create_publisher(PoseStamped, "camera/pose", LATCHED),
         }
         self._grids: dict[int, VoxelGrid] = {}
         self._verdicts: dict[int, dict[str, str]] = {}
@@ -137,6 +133,10 @@ def replay_bag(
     newest: dict[str, BagMessage] = {}
     with BagReader(bag, topics) as reader:
         out.mkdir(parents=True, exist_ok=True)
+        for kind in ("info", "pose"):  # a bag may hold images from before the first of them
+            known = reader.first(kind)
+            if known is not None:
+                client.publish(known)
         for message in reader.messages():
             if message.error:
                 reason = f"{message.kind} message cannot be decoded: {message.error}"
@@ -149,7 +149,7 @@ def replay_bag(
                     color, depth = newest.pop("color"), newest.pop("depth")
                     _play(client, color, depth, out, summary)
                     on_frame(summary)
-    _write_summary(out / "summary.json", summary)
+    write_text(out / "summary.json", json.dumps(vars(summary), indent=1))
     return summary
 
 
@@ -177,12 +177,6 @@ def _play(
             "reason": verdict["reason"],
         }
     )
-
-
-def _write_summary(path: Path, summary: ReplaySummary) -> None:
-    temporary = path.with_suffix(".tmp")
-    temporary.write_text(json.dumps(vars(summary), indent=1))
-    os.replace(temporary, path)
 
 
 def _nanoseconds(message: Any) -> int:
