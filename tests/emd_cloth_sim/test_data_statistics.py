@@ -9,6 +9,7 @@ from PIL import Image
 
 from emd_cloth_sim.contact_sheet import draw_contact_sheet
 from emd_cloth_sim.data_statistics import inspect_data
+from emd_cloth_sim.diagnostics import ClothDiagnostics
 from emd_cloth_sim.generate import generate
 from emd_cloth_sim.generation_config import GenerationConfig
 from emd_cloth_sim.top_view import DESK, LOWER, UPPER, top_view
@@ -37,6 +38,19 @@ def test_nothing_is_lost_in_the_count(data: Path) -> None:
     assert found.failed_share == pytest.approx(len(found.failures) / 7)
     entry = json.loads(json.dumps(found.as_entry()))
     assert entry["provenance"]["seed"] == 3 and len(entry["states"]) == 3
+
+
+def test_failures_are_told_even_if_nothing_else_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A data set of which every sequence failed lists them all."""
+    monkeypatch.setattr(ClothDiagnostics, "failure", property(lambda _: "the cloth tore"))
+    generate(CONFIG, tmp_path)
+    found = inspect_data(tmp_path)
+    assert [failure.index for failure in found.failures] == list(range(7))
+    assert found.sequences == 0 and found.failed_share == 1.0 and not found.baselines
+    with pytest.raises(InvalidInputError, match="no sequence to draw"):
+        draw_contact_sheet(tmp_path, tmp_path / "sheet.png")
 
 
 def test_unfinished_data_set_is_counted(tmp_path: Path) -> None:

@@ -119,18 +119,19 @@ def inspect_data(directory: Path) -> DataStatistics:
     """
     waiting, failures = _unfinished(directory)
     finished = any(directory.glob("[!.]*.npz")) or not (directory / SETTINGS).exists()
+    # A run that was stopped before its first shard has nothing to read yet.
     reader = SequenceReader([directory]) if finished else None
     sums = _Sums()
-    for sequence in reader or ():
-        sums.add(sequence)
+    if reader is not None:
+        failures += reader.failures
+        for sequence in reader:
+            sums.add(sequence)
     unsettled, crossed = _doubts(directory)
     return DataStatistics(
         asked=_asked(directory),
         sequences=sums.sequences,
         waiting=waiting,
-        failures=tuple(
-            sorted([*(reader.failures if reader else ()), *failures], key=lambda f: f.index)
-        ),
+        failures=tuple(sorted(failures, key=lambda failure: failure.index)),
         manipulations=sums.manipulations,
         two_handed=sums.two_handed / max(1, sums.manipulations),
         unsettled=unsettled,

@@ -164,7 +164,7 @@ def _displacement(
 
 
 def _hem(cloth: Cloth) -> IndexArray:
-    return hem_vertices(cloth.positions_in_table, cloth.mesh.triangles, max(cloth.config.spacing))
+    return hem_vertices(cloth.positions_in_table, cloth.triangles, max(cloth.config.spacing))
 
 
 def _visible_corners(cloth: Cloth, hem: IndexArray) -> list[int]:
