@@ -10,6 +10,7 @@ from emd_cloth_sim.cloth import Cloth
 from emd_cloth_sim.config import HandPathConfig
 from emd_cloth_sim.diagnostics import ClothDiagnostics
 from emd_cloth_sim.hand_path import HandPath, arc_path
+from emd_cloth_sim.independent_hands import IndependentManipulation
 from emd_core.frames import FloatArray
 from emd_core.manipulation import Manipulation
 
@@ -34,7 +35,9 @@ class ManipulationOutcome:
 
 
 def manipulate(
-    cloth: Cloth, manipulation: Manipulation, path_config: HandPathConfig | None = None
+    cloth: Cloth,
+    manipulation: Manipulation | IndependentManipulation,
+    path_config: HandPathConfig | None = None,
 ) -> ManipulationOutcome:
     """Grasp all layers at the used points, carry them along an arc, release, let settle.
 
@@ -45,9 +48,8 @@ def manipulate(
     for hand in range(2):
         if manipulation.used[hand]:
             point = manipulation.grasp_points_in_table[hand]
-            paths[hand] = _grasp_and_plan(
-                cloth, hand, point, manipulation.displacement_in_table, config
-            )
+            displacement = manipulation.displacements_in_table[hand]
+            paths[hand] = _grasp_and_plan(cloth, hand, point, displacement, config)
     held = (cloth.held_count(0), cloth.held_count(1))
     carry_time = 0.0
     if any(held):

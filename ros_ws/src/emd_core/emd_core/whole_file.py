@@ -47,3 +47,12 @@ def write_text(path: Path, text: str) -> None:
     """
     with whole_file(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def remove_unfinished(folder: Path, stem: str) -> None:
+    """Delete what killed processes left of their `whole_file` with names like `stem`, a pattern.
+
+    Nobody may be writing such a file.
+    """
+    for path in folder.glob(f".{stem}-*"):
+        path.unlink(missing_ok=True)
