@@ -12,7 +12,7 @@ from emd_cloth_sim.generation_config import GenerationConfig
 from emd_cloth_sim.ray_workers import RayRunner
 from emd_core.errors import InvalidInputError
 
-CONFIG = GenerationConfig(sequences=16, steps=2, seed=3, vertices=(11, 11), shard_size=5)
+CONFIG = GenerationConfig(sequences=24, steps=2, seed=3, vertices=(11, 11), shard_size=5)
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -45,24 +45,33 @@ def cluster(monkeypatch: pytest.MonkeyPatch):
         cluster.shutdown()
 
 
+def has_simulated(raylet: int) -> bool:
+    """Whether a worker of a node has loaded the solver, which it does for its first sequence."""
+    for child in Path(f"/proc/{raylet}/task/{raylet}/children").read_text().split():
+        try:
+            if "libllvmlite" in Path(f"/proc/{child}/maps").read_text():
+                return True
+        except OSError:
+            continue  # it has just ended
+    return False
+
+
 @pytest.mark.slow
 def test_node_killed_half_way_changes_nothing(cluster, tmp_path: Path) -> None:
-    """With one of two nodes killed the data set is complete and that of a single process."""
-    import ray
-
+    """With one of two working nodes killed the data set is complete and that of one process."""
     generate(CONFIG, tmp_path / "one")
     (second,) = cluster.worker_nodes
     raylet = second.all_processes["raylet"][0].process
-    seen = []
+    killed_at = []
 
     def kill_second_half_way(progress: GenerationProgress) -> None:
-        if progress.new == CONFIG.sequences // 2:
-            seen.append(sum(node["Alive"] for node in ray.nodes()))
-            assert ray.available_resources().get("CPU", 0.0) == 0.0  # both nodes are at work
+        late = progress.new >= CONFIG.sequences // 3
+        if not killed_at and late and has_simulated(raylet.pid):
+            killed_at.append(progress.new)
             os.kill(raylet.pid, signal.SIGKILL)
 
     made = generate(CONFIG, tmp_path / "ray", RayRunner(cluster.address), kill_second_half_way)
-    assert seen == [2] and raylet.poll() is not None
+    assert killed_at and killed_at[0] < CONFIG.sequences and raylet.poll() is not None
     assert made.new == CONFIG.sequences
     assert contents(tmp_path / "ray") == contents(tmp_path / "one")
 
