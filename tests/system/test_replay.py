@@ -21,19 +21,22 @@ from emd_core.voxel_grid import VoxelGrid
 pytestmark = pytest.mark.system
 
 TOPICS = BagTopics()
+ENOUGH = 12_000_000  # bytes; a pair of images has 1.5 million
 
 
 @pytest.fixture(scope="module")
 def bag(client, tmp_path_factory) -> Path:
-    """Three seconds of the cell's topics."""
+    """Some pairs of images and what else the cell publishes meanwhile."""
     folder = tmp_path_factory.mktemp("bags")
-    with Launcher([recorder_node(folder / "recorded")], folder / "logs") as recorder:
+    bag = folder / "recorded"
+    deadline = time.monotonic() + 120.0
+    with Launcher([recorder_node(bag)], folder / "logs") as recorder:
         client.reset_simulation()
-        end = time.monotonic() + 3.0
-        while time.monotonic() < end:
+        while sum(file.stat().st_size for file in bag.glob("*.mcap")) < ENOUGH:
+            assert time.monotonic() < deadline, recorder.log_tail("recorder")
             recorder.require_alive()
             time.sleep(0.1)
-    return folder / "recorded"
+    return bag
 
 
 def replay(bag: Path, out: Path) -> subprocess.CompletedProcess[str]:
