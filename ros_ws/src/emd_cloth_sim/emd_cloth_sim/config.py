@@ -44,8 +44,6 @@ class ClothConfig:
             layers at its spot (paper, IV-B).
         grip_force: Force at which cloth slips after its hand instead of being torn, N.
         press_force: The same downwards: fingertips cannot push slack cloth into a pile, N.
-        edge_contact: Whether edges collide with edges too, not only vertices with triangles. It
-            halves the rate of small crossings in crumpled piles and doubles the cost.
         settle_speed: The cloth rests when no vertex is faster than this, m/s.
         settle_time: For how long it must be so, seconds.
     """
@@ -69,7 +67,6 @@ class ClothConfig:
     grasp_height_tolerance: float = 0.05
     grip_force: float = 0.8
     press_force: float = 0.02
-    edge_contact: bool = False
     settle_speed: float = 0.03
     settle_time: float = 0.05
 

@@ -10,41 +10,49 @@ cloth could have moved far enough to close its gap.
 from __future__ import annotations
 
 import math
+from typing import Any
 
+import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from emd_cloth_sim.broad_phase import Candidates
 from emd_cloth_sim.closest_points import closest_on_triangle, height_over_triangle
 from emd_cloth_sim.mesh import IndexArray
-from emd_core.frames import FloatArray
+from emd_cloth_sim.planes import FAST
+
+Positions = NDArray[np.floating[Any]]
+ZERO, ONE = np.float32(0.0), np.float32(1.0)
+TINY = np.float32(1e-9)
 
 
-@njit(cache=True)
+@njit(**FAST)
 def collide_with_self(
-    position: FloatArray,
-    previous: FloatArray,
+    position: Positions,
+    previous: Positions,
     triangles: IndexArray,
     candidates: Candidates,
     count: int,
-    travelled: float,
-    thickness: float,
-    friction: float,
+    travelled: np.float32,
+    thickness: np.float32,
+    friction: np.float32,
 ) -> None:
     """Push vertices and triangles that are closer than `thickness` apart, with friction.
 
-    A pair in contact (its wake is -1) remembers on which side of the triangle its vertex was, so
+    `count` pairs are awake. A pair in contact (its wake is -1) remembers on which side of the triangle its vertex was, so
     that a vertex that came through is pushed back; beside the triangle it may change sides.
     """
-    vertex, triangle, side, wake = candidates
-    for n in range(count):
+    vertex, triangle, side, wake, awake = candidates
+    for m in range(count):
+        n = awake[m]
         if travelled < wake[n]:
             continue
         v, t = vertex[n], triangle[n]
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
         height = height_over_triangle(position, v, a, b, c)
-        if wake[n] >= 0.0:
+        if wake[n] >= ZERO:
             # It slept, so it has not touched since: whatever side it is on now is right.
-            side[n] = 1.0 if height >= 0.0 else -1.0
+            side[n] = ONE if height >= ZERO else -ONE
         height *= side[n]
         if height >= thickness:
             wake[n] = travelled + height - thickness
@@ -56,19 +64,19 @@ def collide_with_self(
         y = position[v, 1] - wa * position[a, 1] - wb * position[b, 1] - wc * position[c, 1]
         z = position[v, 2] - wa * position[a, 2] - wb * position[b, 2] - wc * position[c, 2]
         distance = math.sqrt(x * x + y * y + z * z)
-        if wa > 0.0 and wb > 0.0 and wc > 0.0:
+        if wa > ZERO and wb > ZERO and wc > ZERO:
             gap = height
-            sign = 1.0 if height > 0.0 else -1.0
+            sign = ONE if height > ZERO else -ONE
         else:
             gap = distance
-            sign = 1.0
-            if height < 0.0:
+            sign = ONE
+            if height < ZERO:
                 side[n] = -side[n]
         if gap >= thickness:
             wake[n] = travelled + gap - thickness
             continue
-        wake[n] = -1.0
-        if distance < 1e-9:
+        wake[n] = -ONE
+        if distance < TINY:
             continue
         sign /= distance
         _push_apart(
@@ -82,10 +90,10 @@ def collide_with_self(
         )
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _push_apart(
-    position: FloatArray,
-    previous: FloatArray,
+    position: Positions,
+    previous: Positions,
     corners: tuple[int, int, int, int],
     weights: tuple[float, float, float],
     normal: tuple[float, float, float],
@@ -96,7 +104,7 @@ def _push_apart(
     v, a, b, c = corners
     wa, wb, wc = weights
     nx, ny, nz = normal
-    share = 1.0 / (1.0 + wa * wa + wb * wb + wc * wc)
+    share = ONE / (ONE + wa * wa + wb * wb + wc * wc)
     sx = _relative_way(position, previous, v, a, b, c, wa, wb, wc, 0)
     sy = _relative_way(position, previous, v, a, b, c, wa, wb, wc, 1)
     sz = _relative_way(position, previous, v, a, b, c, wa, wb, wc, 2)
@@ -105,7 +113,7 @@ def _push_apart(
     sy -= along * ny
     sz -= along * nz
     slide = math.sqrt(sx * sx + sy * sy + sz * sz)
-    brake = 1.0
+    brake = ONE
     if slide > friction * depth:
         brake = friction * depth / slide
     mx = share * (depth * nx - brake * sx)
@@ -125,10 +133,10 @@ def _push_apart(
     position[c, 2] -= wc * mz
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _relative_way(
-    position: FloatArray,
-    previous: FloatArray,
+    position: Positions,
+    previous: Positions,
     v: int,
     a: int,
     b: int,
@@ -148,20 +156,20 @@ def _relative_way(
     )
 
 
-@njit(cache=True)
+@njit(**FAST)
 def collide_with_desk(
-    position: FloatArray, previous: FloatArray, height: float, friction: float
+    position: Positions, previous: Positions, height: float, friction: float
 ) -> None:
     """Keep vertices at least `height` over the desk (z = 0) and brake their sliding on it."""
     for v in range(position.shape[0]):
         depth = height - position[v, 2]
-        if depth <= 0.0:
+        if depth <= ZERO:
             continue
         position[v, 2] = height
         x = position[v, 0] - previous[v, 0]
         y = position[v, 1] - previous[v, 1]
         slide = math.sqrt(x * x + y * y)
-        brake = 1.0
+        brake = ONE
         if slide > friction * depth:
             brake = friction * depth / slide
         position[v, 0] -= brake * x
