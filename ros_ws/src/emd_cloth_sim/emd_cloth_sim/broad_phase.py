@@ -40,6 +40,8 @@ class Patches(NamedTuple):
         boxes: Of the cells, a block for each patch, shape (N * 6 * PLACES,).
         patch_boxes: Around the cells of each patch, shape (6 * N,), N rounded up to blocks.
         pairs: Pairs of patches whose boxes overlap, shape (M, 2).
+        normals: Of the triangles, as long as twice their areas, shape (T, 3).
+        cones: Box around the normals of each patch: low x, high x, low y ..., shape (N, 6).
     """
 
     places: IndexArray
@@ -49,6 +51,8 @@ class Patches(NamedTuple):
     boxes: Boxes
     patch_boxes: Boxes
     pairs: IndexArray
+    normals: NDArray[np.float32]
+    cones: NDArray[np.float32]
 
 
 class Candidates(NamedTuple):
@@ -105,6 +109,8 @@ def make_patches(vertices: tuple[int, int]) -> Patches:
         np.empty(count * 6 * PLACES, dtype=np.float32),
         np.empty(-(-count // PLACES) * 6 * PLACES, dtype=np.float32),
         np.empty((count * (count + 1) // 2, 2), dtype=np.int32),
+        np.empty((2 * (rows - 1) * (columns - 1), 3), dtype=np.float32),
+        np.empty((count, 6), dtype=np.float32),
     )
 
 
@@ -138,8 +144,70 @@ def fill_boxes(
 
 
 @njit(**FAST)
-def pair_patches(patches: Patches) -> int:
-    """List the pairs of patches, first no later than second, whose boxes overlap."""
+def fill_normals(
+    position: NDArray[np.float32], triangles: IndexArray, patches: Patches
+) -> None:
+    """Work out the triangles' normals and the boxes around those of each patch."""
+    normals, cones = patches.normals, patches.cones
+    for t in range(triangles.shape[0]):
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        u0, u1, u2 = (
+            position[b, 0] - position[a, 0],
+            position[b, 1] - position[a, 1],
+            position[b, 2] - position[a, 2],
+        )
+        v0, v1, v2 = (
+            position[c, 0] - position[a, 0],
+            position[c, 1] - position[a, 1],
+            position[c, 2] - position[a, 2],
+        )
+        normals[t, 0] = u1 * v2 - u2 * v1
+        normals[t, 1] = u2 * v0 - u0 * v2
+        normals[t, 2] = u0 * v1 - u1 * v0
+    for p in range(cones.shape[0]):
+        for k in range(3):
+            low, high = FAR, -FAR
+            for n in range(p * PLACES, (p + 1) * PLACES):
+                cell = patches.cells[n]
+                if cell >= 0:
+                    one, other = normals[2 * cell, k], normals[2 * cell + 1, k]
+                    low = min(low, min(one, other))
+                    high = max(high, max(one, other))
+            cones[p, 2 * k] = low
+            cones[p, 2 * k + 1] = high
+
+
+@njit(inline="always")
+def _smooth(patches: Patches, p: int, q: int, facing: np.float32) -> bool:
+    """Whether two patches are neighbours that face the same way, so that they cannot meet.
+
+    The cosines of all their normals with one direction must be above `facing` (Volino and
+    Magnenat-Thalmann, "Efficient Self-Collision Detection on Smoothly Discretized Surface
+    Animations", 1994).
+    """
+    rows = patches.rows[p * PLACES] - patches.rows[q * PLACES]
+    columns = patches.columns[p * PLACES] - patches.columns[q * PLACES]
+    if abs(rows) > SIDE or abs(columns) > SIDE:
+        return False
+    cones = patches.cones
+    one = other = square = np.float32(0.0)
+    for k in range(3):
+        middle = cones[p, 2 * k] + cones[p, 2 * k + 1] + cones[q, 2 * k] + cones[q, 2 * k + 1]
+        square += middle * middle
+        one += min(cones[p, 2 * k] * middle, cones[p, 2 * k + 1] * middle)
+        other += min(cones[q, 2 * k] * middle, cones[q, 2 * k + 1] * middle)
+    # `middle` is about four normals long.
+    least = np.float32(0.25) * facing * square
+    return one > least and other > least
+
+
+@njit(**FAST)
+def pair_patches(patches: Patches, facing: np.float32) -> int:
+    """List the pairs of patches, first no later than second, that may touch.
+
+    Their boxes overlap, and they are not neighbours all of whose normals are within one cone, the
+    cosine of whose half angle is `facing` (above 1: none are).
+    """
     boxes, pairs = patches.patch_boxes, patches.pairs
     found = 0
     for p in range(patches.places.shape[0] // PLACES):
@@ -149,7 +217,7 @@ def pair_patches(patches: Patches) -> int:
             while marks != 0:
                 q = block * PLACES + lowest_bit(marks)
                 marks &= marks - 1
-                if q >= p:
+                if q >= p and not _smooth(patches, p, q, facing):
                     pairs[found, 0] = p
                     pairs[found, 1] = q
                     found += 1

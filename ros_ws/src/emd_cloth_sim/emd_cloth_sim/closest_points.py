@@ -1,4 +1,4 @@
-"""Distances between vertices and triangles of the mesh, for the contact kernels."""
+"""Distances between vertices, triangles and edges of the mesh, for the contact kernels."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 Positions = NDArray[np.floating[Any]]
-ZERO, ONE = np.float32(0.0), np.float32(1.0)
+ZERO, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+NEARLY_PARALLEL = np.float32(1e-3)
 TINY = np.float32(1e-14)
 
 
@@ -88,3 +89,82 @@ def height_over_triangle(position: Positions, v: int, a: int, b: int, c: int) ->
         + nz * (position[v, 2] - position[a, 2])
     )
     return dot / length
+
+
+@njit(inline="always")
+def closest_on_segments(
+    position: Positions, p: int, q: int, u: int, w: int
+) -> tuple[float, float, float, float, float, float]:
+    """Parameters of the closest points of segments p-q and u-w, and the vector between them.
+
+    Ericson, "Real-Time Collision Detection", 5.1.9.
+    """
+    d1x, d1y, d1z = (
+        position[q, 0] - position[p, 0],
+        position[q, 1] - position[p, 1],
+        position[q, 2] - position[p, 2],
+    )
+    d2x, d2y, d2z = (
+        position[w, 0] - position[u, 0],
+        position[w, 1] - position[u, 1],
+        position[w, 2] - position[u, 2],
+    )
+    rx, ry, rz = (
+        position[p, 0] - position[u, 0],
+        position[p, 1] - position[u, 1],
+        position[p, 2] - position[u, 2],
+    )
+    a = d1x * d1x + d1y * d1y + d1z * d1z
+    e = d2x * d2x + d2y * d2y + d2z * d2z
+    f = d2x * rx + d2y * ry + d2z * rz
+    c = d1x * rx + d1y * ry + d1z * rz
+    b = d1x * d2x + d1y * d2y + d1z * d2z
+    determinant = a * e - b * b
+    s = HALF
+    if determinant > NEARLY_PARALLEL * a * e:
+        s = min(max((b * f - c * e) / determinant, ZERO), ONE)
+    t = (b * s + f) / e
+    if t < ZERO:
+        t = ZERO
+        s = min(max(-c / a, ZERO), ONE)
+    elif t > ONE:
+        t = ONE
+        s = min(max((b - c) / a, ZERO), ONE)
+    return (
+        s,
+        t,
+        rx + s * d1x - t * d2x,
+        ry + s * d1y - t * d2y,
+        rz + s * d1z - t * d2z,
+        determinant / (a * e),
+    )
+
+
+@njit(inline="always")
+def height_over_edge(
+    position: Positions, p: int, q: int, u: int, w: int
+) -> tuple[float, float, float, float]:
+    """Signed distance of the lines p-q and u-w, and their common unit normal; 0 if parallel."""
+    ax, ay, az = (
+        position[q, 0] - position[p, 0],
+        position[q, 1] - position[p, 1],
+        position[q, 2] - position[p, 2],
+    )
+    bx, by, bz = (
+        position[w, 0] - position[u, 0],
+        position[w, 1] - position[u, 1],
+        position[w, 2] - position[u, 2],
+    )
+    nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    length = math.sqrt(nx * nx + ny * ny + nz * nz)
+    if length < TINY:
+        return ZERO, ZERO, ZERO, ZERO
+    nx /= length
+    ny /= length
+    nz /= length
+    height = (
+        nx * (position[p, 0] - position[u, 0])
+        + ny * (position[p, 1] - position[u, 1])
+        + nz * (position[p, 2] - position[u, 2])
+    )
+    return height, nx, ny, nz

@@ -13,13 +13,14 @@ from emd_cloth_sim.hand import Hand, check_transform
 from emd_cloth_sim.mesh import build_mesh, flat_positions
 from emd_cloth_sim.step_data import (
     CLEAN,
+    UNSEEN,
     ClothState,
     Held,
     constraints_of,
     contact_memory,
     step_settings,
 )
-from emd_cloth_sim.xpbd import advance_step
+from emd_cloth_sim.xpbd import advance_step, undo
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FloatArray
 
@@ -177,9 +178,12 @@ class Cloth:
     def check(self, raise_on_failure: bool = False) -> ClothDiagnostics:
         """Examine whether the present state can be believed.
 
+        Crossings that have come up since they were last looked for are undone before.
+
         Raises:
             SimulationError: If asked to and it cannot.
         """
+        self._undo_crossings()
         result = diagnose(
             self.positions_in_table, self.mesh, self.config.vertices, self.config.thickness
         )
@@ -196,7 +200,13 @@ class Cloth:
         slow = self.max_speed < self.config.settle_speed
         self._slow_time = self._slow_time + duration if slow else 0.0
         if self.settled and not any(len(hand.held) for hand in self._hands):
+            self._undo_crossings()
             self._velocity[:] = 0.0
+
+    def _undo_crossings(self) -> None:
+        if self._memory.counts[UNSEEN] > 0.0:
+            settings = step_settings(self.config, self.config.step / self.config.mesh_substeps)
+            undo(self._state, self._constraints, self._memory, settings)
 
     def _advance_step(self, duration: float, start: float, end: float) -> None:
         substep = duration / self.config.mesh_substeps
@@ -229,7 +239,9 @@ class Cloth:
     def _reach(self, held: int, substep: float) -> FloatArray:
         """Ways that a vertex's share of grip and press force moves it in one substep, metres."""
         force = np.array([self.config.grip_force, self.config.press_force]) / max(held, 1)
-        return np.asarray(force / self.config.vertex_mass * substep**2)
+        reach = force / self.config.vertex_mass * substep**2
+        # What has slipped catches up no faster than anything else moves.
+        return np.asarray(np.minimum(reach, self.config.max_speed * substep))
 
 
 def _joined(parts: list[FloatArray]) -> NDArray[np.float32]:

@@ -11,6 +11,7 @@ from emd_cloth_sim.broad_phase import (
     Candidates,
     Patches,
     fill_boxes,
+    fill_normals,
     lowest_bit,
     mark_overlaps,
     pair_patches,
@@ -19,6 +20,8 @@ from emd_cloth_sim.closest_points import height_over_triangle
 from emd_cloth_sim.mesh import IndexArray
 from emd_cloth_sim.planes import FAST
 
+# Neighbours whose normals are within 60 degrees of one direction do not touch each other.
+FACING = np.float32(0.5)
 ZERO, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 
 
@@ -39,8 +42,9 @@ def find_candidates(
     """
     rows, columns = sheet[0], sheet[1]
     fill_boxes(position, rows, columns, HALF * reach, patches)
+    fill_normals(position, triangles, patches)
     found = 0
-    for m in range(pair_patches(patches)):
+    for m in range(pair_patches(patches, FACING)):
         p, q = patches.pairs[m]
         found = _find_between(
             position, triangles, sheet, reach, thickness, p, q, patches, candidates, found

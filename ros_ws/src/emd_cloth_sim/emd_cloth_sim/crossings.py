@@ -18,14 +18,19 @@ from emd_cloth_sim.broad_phase import (
     Patches,
     box_of,
     fill_boxes,
+    fill_normals,
     lowest_bit,
     mark_overlaps,
     pair_patches,
 )
+from emd_cloth_sim.edge_contact import EdgePairs, watch_edges
 from emd_cloth_sim.mesh import IndexArray
 from emd_cloth_sim.planes import FAST
 
 Positions = NDArray[np.floating[Any]]
+# All normals within a right angle of one direction: no crossing.
+FACING = np.float32(0.0)
+EVERYWHERE = np.float32(2.0)
 # Rounds of putting back before everything is.
 ROUNDS = 20
 # Distances below this are taken as touching, not crossing: what single precision cannot tell.
@@ -39,16 +44,20 @@ def find_crossings(
     rows: int,
     columns: int,
     patches: Patches,
+    facing: np.float32,
     found: IndexArray,
 ) -> int:
     """List crossings as the five vertices of edge and triangle, shape (M, 5); returns how many.
 
+    Neighbouring patches that face the same way, see `pair_patches`, are taken to be free of them.
+
     The count goes on when the list is full.
     """
     fill_boxes(position, rows, columns, PAD, patches)
+    fill_normals(position, triangles, patches)
     boxes = patches.boxes
     total = 0
-    for m in range(pair_patches(patches)):
+    for m in range(pair_patches(patches, facing)):
         p, q = patches.pairs[m]
         for n in range(p * PLACES, (p + 1) * PLACES):
             one = patches.cells[n]
@@ -61,7 +70,9 @@ def find_crossings(
                 marks &= marks - 1
                 other = patches.cells[o]
                 if o > n and other >= 0:
-                    total = _cross_cells(position, triangles, one, other, found, total)
+                    total = _cross_cells(
+                        position, triangles, patches.normals, one, other, found, total
+                    )
     return total
 
 
@@ -69,6 +80,7 @@ def find_crossings(
 def _cross_cells(
     position: NDArray[np.float32],
     triangles: IndexArray,
+    normals: NDArray[np.float32],
     one: int,
     other: int,
     found: IndexArray,
@@ -77,7 +89,9 @@ def _cross_cells(
     """Add the crossings between two cells' triangles."""
     for t in range(2 * one, 2 * one + 2):
         for u in range(2 * other, 2 * other + 2):
-            if _apart(position, triangles, t, u) or _apart(position, triangles, u, t):
+            if _apart(position, triangles, normals, t, u):
+                continue
+            if _apart(position, triangles, normals, u, t):
                 continue
             for k in range(3):
                 total = _cross(position, triangles, t, k, u, found, total)
@@ -86,16 +100,27 @@ def _cross_cells(
 
 
 @njit(inline="always")
-def _apart(position: NDArray[np.float32], triangles: IndexArray, t: int, u: int) -> bool:
+def _apart(
+    position: NDArray[np.float32],
+    triangles: IndexArray,
+    normals: NDArray[np.float32],
+    t: int,
+    u: int,
+) -> bool:
     """Whether triangle u, but for common vertices, is on one side of triangle t's plane."""
     a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+    x, y, z = normals[t, 0], normals[t, 1], normals[t, 2]
     above = below = 0
     for k in range(3):
         v = triangles[u, k]
-        if v != a and v != b and v != c:
-            height = _volume(position, a, b, c, v)
-            above += height > 0
-            below += height < 0
+        height = (
+            x * (position[v, 0] - position[a, 0])
+            + y * (position[v, 1] - position[a, 1])
+            + z * (position[v, 2] - position[a, 2])
+        )
+        own = (v == a) | (v == b) | (v == c)
+        above += (height > 0) & (not own)
+        below += (height < 0) & (not own)
     return above == 0 or below == 0
 
 
@@ -149,6 +174,29 @@ def _volume(position: Positions, a: int, b: int, c: int, d: int) -> float:
 
 
 @njit(**FAST)
+def _put_back(
+    position: NDArray[np.float32],
+    velocity: NDArray[np.float32],
+    safe: NDArray[np.float32],
+    vertex: int,
+    rows: int,
+    columns: int,
+    around: int,
+) -> int:
+    """Put a vertex back, and those up to `around` rows and columns from it; returns how many."""
+    i, j = vertex // columns, vertex % columns
+    moved = 0
+    for row in range(max(i - around, 0), min(i + around + 1, rows)):
+        for column in range(max(j - around, 0), min(j + around + 1, columns)):
+            v = row * columns + column
+            moved += 1
+            for axis in range(3):
+                position[v, axis] = safe[v, axis]
+                velocity[v, axis] = np.float32(0.0)
+    return moved
+
+
+@njit(**FAST)
 def undo_crossings(
     position: NDArray[np.float32],
     velocity: NDArray[np.float32],
@@ -158,28 +206,26 @@ def undo_crossings(
     columns: int,
     patches: Patches,
     found: IndexArray,
+    pairs: EdgePairs,
 ) -> int:
     """Put vertices that take part in a crossing back to where they were `safe`, at rest.
 
-    What this makes cross anew is put back too, and in the end everything, so that a state without
-    crossings never follows by one with them. Then the present state becomes the safe one. Returns
+    What this makes cross anew is put back with ever more around it, in the end everything: a state without
+    crossings never is followed by one with them; their edges are watched. Then the present state becomes the safe one. Returns
     how many vertices were put back.
     """
     moved = 0
     for sweep in range(ROUNDS):
-        total = find_crossings(position, triangles, rows, columns, patches, found)
+        total = find_crossings(position, triangles, rows, columns, patches, FACING, found)
         if total == 0:
             break
         if sweep == ROUNDS - 1 or total > found.shape[0]:
             position[:] = safe
             velocity[:] = np.float32(0.0)
             return position.shape[0]
+        watch_edges(safe, found, total, pairs)
         for n in range(total):
             for k in range(5):
-                v = found[n, k]
-                moved += 1
-                for axis in range(3):
-                    position[v, axis] = safe[v, axis]
-                    velocity[v, axis] = np.float32(0.0)
+                moved += _put_back(position, velocity, safe, found[n, k], rows, columns, sweep)
     safe[:] = position
     return moved

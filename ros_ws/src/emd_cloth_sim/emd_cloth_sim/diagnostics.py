@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from emd_cloth_sim.broad_phase import make_patches
-from emd_cloth_sim.crossings import find_crossings
+from emd_cloth_sim.crossings import EVERYWHERE, find_crossings
 from emd_cloth_sim.mesh import SheetMesh
 from emd_core.errors import SimulationError
 from emd_core.frames import FloatArray
@@ -90,7 +90,12 @@ def count_crossings(position: FloatArray, mesh: SheetMesh, vertices: tuple[int, 
     """
     found = np.empty((MAX_LISTED, 5), dtype=np.int32)
     total = find_crossings(
-        position.astype(np.float32), mesh.triangles, *vertices, make_patches(vertices), found
+        position.astype(np.float32),
+        mesh.triangles,
+        *vertices,
+        make_patches(vertices),
+        EVERYWHERE,
+        found,
     )
     listed = found[: min(total, MAX_LISTED)]
     listed[:, :2].sort(axis=1)

@@ -11,17 +11,23 @@ from numpy.typing import NDArray
 
 from emd_cloth_sim.broad_phase import Candidates, Patches, allocate_candidates, make_patches
 from emd_cloth_sim.config import ClothConfig
+from emd_cloth_sim.edge_contact import EdgePairs, allocate_edge_pairs
 from emd_cloth_sim.mesh import IndexArray, SheetMesh
 from emd_cloth_sim.planes import Plane, empty_planes, to_plane
 
 # Way that the cloth may travel before the pairs that can touch are searched again, metres: a
 # longer one means more pairs to look at, a shorter one more searches.
 CONTACT_MARGIN = 0.003
+# Way that two layers may approach each other before crossings are looked for, in thicknesses.
+UNSEEN_WAY = 0.3
 # Way after which the sleeping pairs among them are looked through, metres.
 WAKE_MARGIN = 0.0004
+# Share of the thickness at which watched edges push each other apart.
+EDGE_THICKNESS = 0.5
+MAX_EDGE_PAIRS = 2048
 MAX_CROSSINGS_LISTED = 4096
 # Places in `ContactMemory.counts`.
-CANDIDATES, TRAVELLED, AWAKE, WATCHED_UNTIL, CLEAN, PUT_BACK = range(6)
+CANDIDATES, TRAVELLED, AWAKE, WATCHED_UNTIL, CLEAN, PUT_BACK, UNSEEN = range(7)
 
 Singles = NDArray[np.float32]
 
@@ -77,11 +83,13 @@ class ContactMemory(NamedTuple):
 
     `counts` holds the number of candidates (-1: none searched yet), the way travelled since the
     search, how many of them are awake, the way up to which those are all, whether the cloth was
-    free of crossings when last looked at, and how often a vertex has been put back for one.
+    free of crossings when last looked at, how often a vertex has been put back for one, and the
+    way travelled since that look.
     """
 
     patches: Patches
     candidates: Candidates
+    edge_pairs: EdgePairs
     crossings: IndexArray
     counts: NDArray[np.float64]
 
@@ -102,6 +110,7 @@ class StepSettings(NamedTuple):
     shear_compliance: np.float32
     bending_compliance: np.float32
     thickness: np.float32
+    edge_thickness: np.float32
     margin: np.float32
     sheet: tuple[int, int, np.float32, np.float32, np.float32]
     cloth_friction: np.float32
@@ -136,8 +145,9 @@ def contact_memory(config: ClothConfig, growth: int = 1) -> ContactMemory:
     return ContactMemory(
         make_patches(config.vertices),
         allocate_candidates(16 * growth * config.vertices[0] * config.vertices[1]),
+        allocate_edge_pairs(MAX_EDGE_PAIRS),
         np.empty((MAX_CROSSINGS_LISTED, 5), dtype=np.int32),
-        np.array([-1.0, 0.0, 0.0, -1.0, 0.0, 0.0]),
+        np.array([-1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0]),
     )
 
 
@@ -158,6 +168,7 @@ def step_settings(config: ClothConfig, substep: float) -> StepSettings:
         shear_compliance=single(2.0 * config.shear_compliance * scale),
         bending_compliance=single(min(bending * scale, 1e30)),
         thickness=single(config.thickness),
+        edge_thickness=single(EDGE_THICKNESS * config.thickness),
         margin=single(CONTACT_MARGIN),
         sheet=(
             *config.vertices,

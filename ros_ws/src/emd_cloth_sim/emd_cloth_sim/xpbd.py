@@ -22,7 +22,8 @@ from emd_cloth_sim.constraints import (
 )
 from emd_cloth_sim.contact import collide_with_desk, collide_with_self
 from emd_cloth_sim.contact_search import find_candidates, wake_candidates
-from emd_cloth_sim.crossings import find_crossings, undo_crossings
+from emd_cloth_sim.crossings import EVERYWHERE, find_crossings, undo_crossings
+from emd_cloth_sim.edge_contact import collide_edges, forget_parted
 from emd_cloth_sim.planes import FAST, load_planes, store_planes
 from emd_cloth_sim.step_data import (
     AWAKE,
@@ -30,6 +31,8 @@ from emd_cloth_sim.step_data import (
     CLEAN,
     PUT_BACK,
     TRAVELLED,
+    UNSEEN,
+    UNSEEN_WAY,
     WAKE_MARGIN,
     WATCHED_UNTIL,
     ClothState,
@@ -60,7 +63,7 @@ def advance_step(
     counts = memory.counts
     for s in range(first, settings.substeps):
         if counts[CANDIDATES] < 0 or counts[TRAVELLED] > 0.8 * settings.margin:
-            undo(state, constraints, memory)
+            undo(state, constraints, memory, settings)
             _search_contacts(state.position, constraints, memory, settings)
             if counts[CANDIDATES] < 0:
                 return s
@@ -71,10 +74,11 @@ def advance_step(
         )
         _satisfy_constraints(state.position, constraints, settings)
         _collide(state, constraints, memory, settings)
-        counts[TRAVELLED] += 2.0 * update_velocity(
-            state, settings.substep, settings.max_speed
-        )
-    undo(state, constraints, memory)
+        way = 2.0 * update_velocity(state, settings.substep, settings.max_speed)
+        counts[TRAVELLED] += way
+        counts[UNSEEN] += way
+    if counts[UNSEEN] > UNSEEN_WAY * settings.thickness:
+        undo(state, constraints, memory, settings)
     return settings.substeps
 
 
@@ -172,15 +176,19 @@ def _collide(
         settings.thickness,
         settings.cloth_friction,
     )
+    collide_edges(state.position, memory.edge_pairs, settings.edge_thickness)
     collide_with_desk(
         state.position, state.previous, HALF * settings.thickness, settings.desk_friction
     )
 
 
 @njit(**FAST)
-def undo(state: ClothState, constraints: Constraints, memory: ContactMemory) -> None:
+def undo(
+    state: ClothState, constraints: Constraints, memory: ContactMemory, settings: StepSettings
+) -> None:
     """Undo crossings that have come up since the last time; if there were some, look on."""
     rows, columns = constraints.vertices
+    memory.counts[UNSEEN] = 0.0
     if memory.counts[CLEAN] > 0:
         memory.counts[PUT_BACK] += undo_crossings(
             state.position,
@@ -191,10 +199,18 @@ def undo(state: ClothState, constraints: Constraints, memory: ContactMemory) -> 
             columns,
             memory.patches,
             memory.crossings,
+            memory.edge_pairs,
         )
+        forget_parted(state.position, memory.edge_pairs, settings.edge_thickness)
         return
     crossings = find_crossings(
-        state.position, constraints.triangles, rows, columns, memory.patches, memory.crossings
+        state.position,
+        constraints.triangles,
+        rows,
+        columns,
+        memory.patches,
+        EVERYWHERE,
+        memory.crossings,
     )
     if crossings == 0:
         memory.counts[CLEAN] = 1.0
