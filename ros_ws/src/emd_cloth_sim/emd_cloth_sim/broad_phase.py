@@ -64,14 +64,26 @@ class Candidates(NamedTuple):
         side: Side of the triangle on which the vertex is, 1 or -1.
         wake: The pair sleeps until the cloth has travelled this far since the search, metres;
             -1 for a pair in contact.
-        awake: Pairs that may wake soon; only as many as are noted.
     """
 
     vertex: IndexArray
     triangle: IndexArray
     side: NDArray[np.float32]
     wake: NDArray[np.float32]
-    awake: IndexArray
+
+
+class Contacts(NamedTuple):
+    """Pairs that may touch within the next few substeps.
+
+    Attributes:
+        corners: The vertex and the triangle's three, shape (M, 4).
+        weights: Barycentric, of the triangle's point that is closest to the vertex, shape (M, 3).
+        normal: Unit vector from there to the side on which the vertex belongs, shape (M, 3).
+    """
+
+    corners: IndexArray
+    weights: NDArray[np.float32]
+    normal: NDArray[np.float32]
 
 
 def allocate_candidates(size: int) -> Candidates:
@@ -81,7 +93,15 @@ def allocate_candidates(size: int) -> Candidates:
         np.empty(size, np.int32),
         np.empty(size, np.float32),
         np.empty(size, np.float32),
-        np.empty(size, np.int32),
+    )
+
+
+def allocate_contacts(size: int) -> Contacts:
+    """Make lists for `size` pairs."""
+    return Contacts(
+        np.empty((size, 4), np.int32),
+        np.empty((size, 3), np.float32),
+        np.empty((size, 3), np.float32),
     )
 
 
@@ -144,9 +164,7 @@ def fill_boxes(
 
 
 @njit(**FAST)
-def fill_normals(
-    position: NDArray[np.float32], triangles: IndexArray, patches: Patches
-) -> None:
+def fill_normals(position: NDArray[np.float32], triangles: IndexArray, patches: Patches) -> None:
     """Work out the triangles' normals and the boxes around those of each patch."""
     normals, cones = patches.normals, patches.cones
     for t in range(triangles.shape[0]):

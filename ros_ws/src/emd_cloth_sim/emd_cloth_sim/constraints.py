@@ -101,7 +101,9 @@ def resist_shear(
         _square_run(planes, row + ROW + HALF, row + HALF, row + ROW, first, inverse, compliance)
     for q in range((rows - 1) // 2):
         row = (2 * q + 1) * ROW
-        _square_run(planes, row + ROW + HALF, row + HALF, row + ROW + 1, second, inverse, compliance)
+        _square_run(
+            planes, row + ROW + HALF, row + HALF, row + ROW + 1, second, inverse, compliance
+        )
     for q in range((rows - 1) // 2):
         row = (2 * q + 1) * ROW
         _square_run(planes, row + 1, row + ROW + 1, row + HALF, second, inverse, compliance)
@@ -157,20 +159,25 @@ def limit_sharpness(
     for i in range(rows):
         row = i * ROW
         if i + 2 < rows:
-            _keep_apart(planes, row, row + 2 * ROW, even, shortest_x)
-            _keep_apart(planes, row + HALF, row + 2 * ROW + HALF, odd, shortest_x)
-        _keep_apart(planes, row, row + 1, even - 1, shortest_y)
-        _keep_apart(planes, row + HALF, row + HALF + 1, odd - 1, shortest_y)
+            _keep_apart(planes, row, row + 2 * ROW, even, shortest_x, False)
+            _keep_apart(planes, row + HALF, row + 2 * ROW + HALF, odd, shortest_x, False)
+        _keep_apart(planes, row, row + 1, even - 1, shortest_y, True)
+        _keep_apart(planes, row + HALF, row + HALF + 1, odd - 1, shortest_y, True)
         if i + 1 < rows:
-            _keep_apart(planes, row, row + ROW + HALF, odd, shortest_diagonal)
-            _keep_apart(planes, row + HALF, row + ROW, odd, shortest_diagonal)
-            _keep_apart(planes, row + HALF, row + ROW + 1, even - 1, shortest_diagonal)
-            _keep_apart(planes, row + 1, row + ROW + HALF, even - 1, shortest_diagonal)
+            _keep_apart(planes, row, row + ROW + HALF, odd, shortest_diagonal, False)
+            _keep_apart(planes, row + HALF, row + ROW, odd, shortest_diagonal, False)
+            _keep_apart(planes, row + HALF, row + ROW + 1, even - 1, shortest_diagonal, False)
+            _keep_apart(planes, row + 1, row + ROW + HALF, even - 1, shortest_diagonal, False)
 
 
 @njit(inline="always")
-def _keep_apart(planes: Plane, first: int, second: int, count: int, shortest: np.float32) -> None:
-    """Push `count` pairs in turn; most are far apart, so whole tiles of them are passed over."""
+def _keep_apart(
+    planes: Plane, first: int, second: int, count: int, shortest: np.float32, chained: bool
+) -> None:
+    """Push `count` pairs; most are far apart, so whole tiles of them are passed over.
+
+    `chained` pairs share vertices with the next ones and are pushed in turn.
+    """
     limit = shortest * shortest
     for tile in range((count + LANES - 1) // LANES):
         start = tile * LANES
@@ -179,6 +186,23 @@ def _keep_apart(planes: Plane, first: int, second: int, count: int, shortest: np
             m = start + lane
             near += (_square_gap(planes, first + m, second + m) < limit) & (m < count)
         if near == 0:
+            continue
+        if not chained:
+            for lane in range(LANES):
+                m = start + lane
+                a, b = first + m, second + m
+                x = planes[b] - planes[a]
+                y = planes[b + PITCH] - planes[a + PITCH]
+                z = planes[b + 2 * PITCH] - planes[a + 2 * PITCH]
+                square = x * x + y * y + z * z
+                push = HALF_SHARE * (shortest / math.sqrt(square + TINY) - ONE)
+                push = push if (square < limit) & (m < count) else ZERO
+                planes[a] -= push * x
+                planes[a + PITCH] -= push * y
+                planes[a + 2 * PITCH] -= push * z
+                planes[b] += push * x
+                planes[b + PITCH] += push * y
+                planes[b + 2 * PITCH] += push * z
             continue
         for m in range(start, min(start + LANES, count)):
             a, b = first + m, second + m

@@ -1,10 +1,10 @@
 """Contact of the cloth with itself and with the desk, with Coulomb friction.
 
-Self-contact keeps every vertex one thickness away from every triangle it does not belong to
+Self-contact keeps every vertex one thickness away from every triangle that is not its neighbour
 (Bridson et al., "Robust Treatment of Collisions, Contact and Friction for Cloth Animation", 2002,
-the vertex-triangle half). So the thickness is free of the mesh spacing. Which pairs can touch is
-searched only when the cloth has moved by a margin; between searches each pair sleeps until the
-cloth could have moved far enough to close its gap.
+the vertex-triangle half). So the thickness is free of the mesh spacing. Three lists keep it cheap:
+the candidates, searched when the cloth has moved by a margin; of these the pairs that may touch
+within the next few substeps, with their normals and weights; and of these those that do.
 """
 
 from __future__ import annotations
@@ -16,36 +16,38 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from emd_cloth_sim.broad_phase import Candidates
+from emd_cloth_sim.broad_phase import Candidates, Contacts
 from emd_cloth_sim.closest_points import closest_on_triangle, height_over_triangle
 from emd_cloth_sim.mesh import IndexArray
 from emd_cloth_sim.planes import FAST
 
 Positions = NDArray[np.floating[Any]]
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
+IN_CONTACT = np.float32(-1.0)
 TINY = np.float32(1e-9)
 
 
 @njit(**FAST)
-def collide_with_self(
+def find_contacts(
     position: Positions,
-    previous: Positions,
     triangles: IndexArray,
     candidates: Candidates,
     count: int,
     travelled: np.float32,
+    horizon: np.float32,
     thickness: np.float32,
-    friction: np.float32,
-) -> None:
-    """Push vertices and triangles that are closer than `thickness` apart, with friction.
+    contacts: Contacts,
+) -> int:
+    """List the candidates that may touch before the cloth has travelled the `horizon`.
 
-    `count` pairs are awake. A pair in contact (its wake is -1) remembers on which side of the triangle its vertex was, so
+    A pair in contact (its wake is -1) remembers on which side of the triangle its vertex was, so
     that a vertex that came through is pushed back; beside the triangle it may change sides.
+    Returns how many pairs there are.
     """
-    vertex, triangle, side, wake, awake = candidates
-    for m in range(count):
-        n = awake[m]
-        if travelled < wake[n]:
+    vertex, triangle, side, wake = candidates
+    found = 0
+    for n in range(count):
+        if travelled + horizon < wake[n]:
             continue
         v, t = vertex[n], triangle[n]
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
@@ -54,7 +56,7 @@ def collide_with_self(
             # It slept, so it has not touched since: whatever side it is on now is right.
             side[n] = ONE if height >= ZERO else -ONE
         height *= side[n]
-        if height >= thickness:
+        if height >= thickness + horizon:
             wake[n] = travelled + height - thickness
             continue
         wa, wb, wc = closest_on_triangle(
@@ -64,30 +66,73 @@ def collide_with_self(
         y = position[v, 1] - wa * position[a, 1] - wb * position[b, 1] - wc * position[c, 1]
         z = position[v, 2] - wa * position[a, 2] - wb * position[b, 2] - wc * position[c, 2]
         distance = math.sqrt(x * x + y * y + z * z)
+        gap, sign = distance, ONE
         if wa > ZERO and wb > ZERO and wc > ZERO:
             gap = height
             sign = ONE if height > ZERO else -ONE
-        else:
-            gap = distance
-            sign = ONE
-            if height < ZERO:
-                side[n] = -side[n]
-        if gap >= thickness:
+        elif height < ZERO:
+            side[n] = -side[n]
+        if gap >= thickness + horizon:
             wake[n] = travelled + gap - thickness
             continue
-        wake[n] = -ONE
+        wake[n] = IN_CONTACT if gap < thickness else travelled
         if distance < TINY:
             continue
+        corners, weights, normal = contacts
+        corners[found, 0], corners[found, 1], corners[found, 2], corners[found, 3] = v, a, b, c
+        weights[found, 0], weights[found, 1], weights[found, 2] = wa, wb, wc
         sign /= distance
-        _push_apart(
-            position,
-            previous,
-            (v, a, b, c),
-            (wa, wb, wc),
-            (x * sign, y * sign, z * sign),
-            min(thickness - gap, thickness),
-            friction,
+        normal[found, 0], normal[found, 1], normal[found, 2] = x * sign, y * sign, z * sign
+        found += 1
+    return found
+
+
+@njit(**FAST)
+def collide_with_self(
+    position: Positions,
+    previous: Positions,
+    contacts: Contacts,
+    count: int,
+    thickness: np.float32,
+    friction: np.float32,
+) -> None:
+    """Push vertices and triangles that are closer than `thickness` apart, with friction."""
+    corners, weights, normal = contacts
+    for n in range(count):
+        v, a, b, c = corners[n, 0], corners[n, 1], corners[n, 2], corners[n, 3]
+        wa, wb, wc = weights[n, 0], weights[n, 1], weights[n, 2]
+        nx, ny, nz = normal[n, 0], normal[n, 1], normal[n, 2]
+        gap = (
+            nx * _gap(position, v, a, b, c, wa, wb, wc, 0)
+            + ny * _gap(position, v, a, b, c, wa, wb, wc, 1)
+            + nz * _gap(position, v, a, b, c, wa, wb, wc, 2)
         )
+        if gap < thickness:
+            _push_apart(
+                position,
+                previous,
+                (v, a, b, c),
+                (wa, wb, wc),
+                (nx, ny, nz),
+                min(thickness - gap, thickness),
+                friction,
+            )
+
+
+@njit(inline="always")
+def _gap(
+    position: Positions,
+    v: int,
+    a: int,
+    b: int,
+    c: int,
+    wa: np.float32,
+    wb: np.float32,
+    wc: np.float32,
+    k: int,
+) -> np.float32:
+    """From the triangle's point to the vertex, along axis k."""
+    return position[v, k] - wa * position[a, k] - wb * position[b, k] - wc * position[c, k]
 
 
 @njit(inline="always")

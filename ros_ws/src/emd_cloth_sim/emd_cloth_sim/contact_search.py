@@ -135,14 +135,3 @@ def _add_if_near(
     # The height is a lower bound of the distance, which is worked out when the pair wakes.
     candidates.wake[found] = max(abs(height) - thickness, ZERO)
     return found + 1
-
-
-@njit(**FAST)
-def wake_candidates(candidates: Candidates, count: int, until: np.float32) -> int:
-    """Note the pairs that may touch before the cloth has travelled `until`; returns how many."""
-    awake = 0
-    for n in range(count):
-        if candidates.wake[n] <= until:
-            candidates.awake[awake] = n
-            awake += 1
-    return awake

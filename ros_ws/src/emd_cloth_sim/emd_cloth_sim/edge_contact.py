@@ -77,9 +77,7 @@ def _watch(
 
 
 @njit(**FAST)
-def forget_parted(
-    position: NDArray[np.float32], pairs: EdgePairs, thickness: np.float32
-) -> None:
+def forget_parted(position: NDArray[np.float32], pairs: EdgePairs, thickness: np.float32) -> None:
     """Drop the pairs that are far from each other."""
     ends, side, count = pairs
     kept = 0
@@ -96,9 +94,7 @@ def forget_parted(
 
 
 @njit(**FAST)
-def collide_edges(
-    position: NDArray[np.float32], pairs: EdgePairs, thickness: np.float32
-) -> None:
+def collide_edges(position: NDArray[np.float32], pairs: EdgePairs, thickness: np.float32) -> None:
     """Push watched edges that are closer than `thickness` apart along their common normal."""
     ends, side, count = pairs
     for n in range(count[0]):

@@ -9,7 +9,14 @@ import numpy as np
 
 from numpy.typing import NDArray
 
-from emd_cloth_sim.broad_phase import Candidates, Patches, allocate_candidates, make_patches
+from emd_cloth_sim.broad_phase import (
+    Candidates,
+    Contacts,
+    Patches,
+    allocate_candidates,
+    allocate_contacts,
+    make_patches,
+)
 from emd_cloth_sim.config import ClothConfig
 from emd_cloth_sim.edge_contact import EdgePairs, allocate_edge_pairs
 from emd_cloth_sim.mesh import IndexArray, SheetMesh
@@ -20,14 +27,16 @@ from emd_cloth_sim.planes import Plane, empty_planes, to_plane
 CONTACT_MARGIN = 0.003
 # Way that two layers may approach each other before crossings are looked for, in thicknesses.
 UNSEEN_WAY = 0.3
-# Way after which the sleeping pairs among them are looked through, metres.
-WAKE_MARGIN = 0.0004
+# Normals and weights of contacts are good for so many substeps, unless the cloth speeds up.
+CONTACT_SUBSTEPS = 4
+# Least and greatest way for which they are, metres.
+LEAST_HORIZON, GREATEST_HORIZON = 0.0002, 0.0012
 # Share of the thickness at which watched edges push each other apart.
 EDGE_THICKNESS = 0.5
 MAX_EDGE_PAIRS = 2048
 MAX_CROSSINGS_LISTED = 4096
 # Places in `ContactMemory.counts`.
-CANDIDATES, TRAVELLED, AWAKE, WATCHED_UNTIL, CLEAN, PUT_BACK, UNSEEN = range(7)
+CANDIDATES, TRAVELLED, CONTACTS, GOOD_UNTIL, CLEAN, PUT_BACK, UNSEEN, LAST_WAY = range(8)
 
 Singles = NDArray[np.float32]
 
@@ -82,13 +91,14 @@ class ContactMemory(NamedTuple):
     """Pairs that may touch, and the memory to search them.
 
     `counts` holds the number of candidates (-1: none searched yet), the way travelled since the
-    search, how many of them are awake, the way up to which those are all, whether the cloth was
-    free of crossings when last looked at, how often a vertex has been put back for one, and the
-    way travelled since that look.
+    search, how many of them are contacts, the way up to which those are good, whether the cloth was
+    free of crossings when last looked at, how often a vertex has been put back for one, the way
+    travelled since that look, and the longest way of the last substep.
     """
 
     patches: Patches
     candidates: Candidates
+    contacts: Contacts
     edge_pairs: EdgePairs
     crossings: IndexArray
     counts: NDArray[np.float64]
@@ -141,13 +151,15 @@ def constraints_of(mesh: SheetMesh, config: ClothConfig) -> Constraints:
 
 
 def contact_memory(config: ClothConfig, growth: int = 1) -> ContactMemory:
-    """Make memory for contacts; `growth` multiplies the length of the list of candidates."""
+    """Make memory for contacts; `growth` multiplies the length of the lists of pairs."""
+    size = 16 * growth * config.vertices[0] * config.vertices[1]
     return ContactMemory(
         make_patches(config.vertices),
-        allocate_candidates(16 * growth * config.vertices[0] * config.vertices[1]),
+        allocate_candidates(size),
+        allocate_contacts(size),
         allocate_edge_pairs(MAX_EDGE_PAIRS),
         np.empty((MAX_CROSSINGS_LISTED, 5), dtype=np.int32),
-        np.array([-1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0]),
+        np.array([-1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0]),
     )
 
 

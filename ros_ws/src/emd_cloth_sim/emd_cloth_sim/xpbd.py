@@ -20,21 +20,24 @@ from emd_cloth_sim.constraints import (
     resist_bending,
     resist_shear,
 )
-from emd_cloth_sim.contact import collide_with_desk, collide_with_self
-from emd_cloth_sim.contact_search import find_candidates, wake_candidates
+from emd_cloth_sim.contact import collide_with_desk, collide_with_self, find_contacts
+from emd_cloth_sim.contact_search import find_candidates
 from emd_cloth_sim.crossings import EVERYWHERE, find_crossings, undo_crossings
 from emd_cloth_sim.edge_contact import collide_edges, forget_parted
 from emd_cloth_sim.planes import FAST, load_planes, store_planes
 from emd_cloth_sim.step_data import (
-    AWAKE,
     CANDIDATES,
     CLEAN,
+    CONTACT_SUBSTEPS,
+    CONTACTS,
+    GOOD_UNTIL,
+    GREATEST_HORIZON,
+    LAST_WAY,
+    LEAST_HORIZON,
     PUT_BACK,
     TRAVELLED,
     UNSEEN,
     UNSEEN_WAY,
-    WAKE_MARGIN,
-    WATCHED_UNTIL,
     ClothState,
     Constraints,
     ContactMemory,
@@ -69,14 +72,13 @@ def advance_step(
                 return s
         integrate(state, settings)
         progress = np.float32((s + 1.0) / settings.substeps)
-        pull_to_hands(
-            state.position, held.vertices, held.start, held.end, progress, held.reach
-        )
+        pull_to_hands(state.position, held.vertices, held.start, held.end, progress, held.reach)
         _satisfy_constraints(state.position, constraints, settings)
         _collide(state, constraints, memory, settings)
         way = 2.0 * update_velocity(state, settings.substep, settings.max_speed)
         counts[TRAVELLED] += way
         counts[UNSEEN] += way
+        counts[LAST_WAY] = way
     if counts[UNSEEN] > UNSEEN_WAY * settings.thickness:
         undo(state, constraints, memory, settings)
     return settings.substeps
@@ -161,18 +163,26 @@ def _collide(
 ) -> None:
     """Resolve contacts; the desk comes last, so that nothing ever sinks into it."""
     counts = memory.counts
-    if counts[TRAVELLED] > counts[WATCHED_UNTIL]:
-        counts[WATCHED_UNTIL] = counts[TRAVELLED] + WAKE_MARGIN
-        counts[AWAKE] = wake_candidates(
-            memory.candidates, int(counts[CANDIDATES]), np.float32(counts[WATCHED_UNTIL])
+    if counts[TRAVELLED] > counts[GOOD_UNTIL]:
+        # The substep under way is counted when it is over, so the horizon covers one more.
+        horizon = (CONTACT_SUBSTEPS + 1) * counts[LAST_WAY]
+        horizon = min(max(horizon, LEAST_HORIZON), GREATEST_HORIZON)
+        counts[GOOD_UNTIL] = counts[TRAVELLED] + horizon - counts[LAST_WAY]
+        counts[CONTACTS] = find_contacts(
+            state.position,
+            constraints.triangles,
+            memory.candidates,
+            int(counts[CANDIDATES]),
+            np.float32(counts[TRAVELLED]),
+            np.float32(horizon),
+            settings.thickness,
+            memory.contacts,
         )
     collide_with_self(
         state.position,
         state.previous,
-        constraints.triangles,
-        memory.candidates,
-        int(counts[AWAKE]),
-        np.float32(counts[TRAVELLED]),
+        memory.contacts,
+        int(counts[CONTACTS]),
         settings.thickness,
         settings.cloth_friction,
     )
@@ -236,4 +246,4 @@ def _search_contacts(
         memory.candidates,
     )
     counts[TRAVELLED] = 0.0
-    counts[WATCHED_UNTIL] = -1.0
+    counts[GOOD_UNTIL] = -1.0
