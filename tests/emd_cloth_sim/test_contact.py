@@ -50,7 +50,7 @@ def test_no_points_of_two_segments_are_closer(seed: int) -> None:
 
 def test_desk_friction_is_bounded_by_the_push() -> None:
     """A vertex pushed out of the desk by d is braked by at most friction * d."""
-    previous = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-    position = np.array([[0.010, 0.0, -0.002], [0.0005, 0.0, -0.002]])
-    collide_with_desk(position, previous, 0.0, 0.5)
-    np.testing.assert_allclose(position, [[0.009, 0.0, 0.0], [0.0, 0.0, 0.0]], atol=1e-15)
+    previous = np.zeros((2, 3), dtype=np.float32)
+    position = np.array([[0.010, 0.0, -0.002], [0.0005, 0.0, -0.002]], np.float32)
+    collide_with_desk(position, previous, np.float32(0.0), np.float32(0.5))
+    np.testing.assert_allclose(position, [[0.009, 0.0, 0.0], [0.0, 0.0, 0.0]], atol=1e-9)

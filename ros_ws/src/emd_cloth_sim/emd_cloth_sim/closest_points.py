@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
+import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-from emd_core.frames import FloatArray
+Positions = NDArray[np.floating[Any]]
+ZERO, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+NEARLY_PARALLEL = np.float32(1e-3)
+TINY = np.float32(1e-14)
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def closest_on_triangle(
-    px: float, py: float, pz: float, position: FloatArray, a: int, b: int, c: int
+    px: float, py: float, pz: float, position: Positions, a: int, b: int, c: int
 ) -> tuple[float, float, float]:
     """Barycentric weights of the point of triangle a, b, c that is closest to p.
 
@@ -30,38 +36,38 @@ def closest_on_triangle(
     apx, apy, apz = px - position[a, 0], py - position[a, 1], pz - position[a, 2]
     d1 = abx * apx + aby * apy + abz * apz
     d2 = acx * apx + acy * apy + acz * apz
-    if d1 <= 0.0 and d2 <= 0.0:
-        return 1.0, 0.0, 0.0
+    if d1 <= ZERO and d2 <= ZERO:
+        return ONE, ZERO, ZERO
     bpx, bpy, bpz = px - position[b, 0], py - position[b, 1], pz - position[b, 2]
     d3 = abx * bpx + aby * bpy + abz * bpz
     d4 = acx * bpx + acy * bpy + acz * bpz
-    if d3 >= 0.0 and d4 <= d3:
-        return 0.0, 1.0, 0.0
+    if d3 >= ZERO and d4 <= d3:
+        return ZERO, ONE, ZERO
     vc = d1 * d4 - d3 * d2
-    if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
+    if vc <= ZERO and d1 >= ZERO and d3 <= ZERO:
         t = d1 / (d1 - d3)
-        return 1.0 - t, t, 0.0
+        return ONE - t, t, ZERO
     cpx, cpy, cpz = px - position[c, 0], py - position[c, 1], pz - position[c, 2]
     d5 = abx * cpx + aby * cpy + abz * cpz
     d6 = acx * cpx + acy * cpy + acz * cpz
-    if d6 >= 0.0 and d5 <= d6:
-        return 0.0, 0.0, 1.0
+    if d6 >= ZERO and d5 <= d6:
+        return ZERO, ZERO, ONE
     vb = d5 * d2 - d1 * d6
-    if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
+    if vb <= ZERO and d2 >= ZERO and d6 <= ZERO:
         t = d2 / (d2 - d6)
-        return 1.0 - t, 0.0, t
+        return ONE - t, ZERO, t
     va = d3 * d6 - d5 * d4
-    if va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
+    if va <= ZERO and d4 - d3 >= ZERO and d5 - d6 >= ZERO:
         t = (d4 - d3) / ((d4 - d3) + (d5 - d6))
-        return 0.0, 1.0 - t, t
+        return ZERO, ONE - t, t
     total = va + vb + vc
-    if total <= 0.0:
-        return 1.0, 0.0, 0.0
+    if total <= ZERO:
+        return ONE, ZERO, ZERO
     return va / total, vb / total, vc / total
 
 
-@njit(cache=True, inline="always")
-def height_over_triangle(position: FloatArray, v: int, a: int, b: int, c: int) -> float:
+@njit(inline="always")
+def height_over_triangle(position: Positions, v: int, a: int, b: int, c: int) -> float:
     """Signed distance of vertex v from the plane of triangle a, b, c; 0 if it has no area."""
     abx, aby, abz = (
         position[b, 0] - position[a, 0],
@@ -75,8 +81,8 @@ def height_over_triangle(position: FloatArray, v: int, a: int, b: int, c: int) -
     )
     nx, ny, nz = aby * acz - abz * acy, abz * acx - abx * acz, abx * acy - aby * acx
     length = math.sqrt(nx * nx + ny * ny + nz * nz)
-    if length < 1e-14:
-        return 0.0
+    if length < TINY:
+        return ZERO
     dot = (
         nx * (position[v, 0] - position[a, 0])
         + ny * (position[v, 1] - position[a, 1])
@@ -85,9 +91,9 @@ def height_over_triangle(position: FloatArray, v: int, a: int, b: int, c: int) -
     return dot / length
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def closest_on_segments(
-    position: FloatArray, p: int, q: int, u: int, w: int
+    position: Positions, p: int, q: int, u: int, w: int
 ) -> tuple[float, float, float, float, float, float]:
     """Parameters of the closest points of segments p-q and u-w, and the vector between them.
 
@@ -114,16 +120,16 @@ def closest_on_segments(
     c = d1x * rx + d1y * ry + d1z * rz
     b = d1x * d2x + d1y * d2y + d1z * d2z
     determinant = a * e - b * b
-    s = 0.5
-    if determinant > 1e-3 * a * e:
-        s = min(max((b * f - c * e) / determinant, 0.0), 1.0)
+    s = HALF
+    if determinant > NEARLY_PARALLEL * a * e:
+        s = min(max((b * f - c * e) / determinant, ZERO), ONE)
     t = (b * s + f) / e
-    if t < 0.0:
-        t = 0.0
-        s = min(max(-c / a, 0.0), 1.0)
-    elif t > 1.0:
-        t = 1.0
-        s = min(max((b - c) / a, 0.0), 1.0)
+    if t < ZERO:
+        t = ZERO
+        s = min(max(-c / a, ZERO), ONE)
+    elif t > ONE:
+        t = ONE
+        s = min(max((b - c) / a, ZERO), ONE)
     return (
         s,
         t,
@@ -134,9 +140,9 @@ def closest_on_segments(
     )
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def height_over_edge(
-    position: FloatArray, p: int, q: int, u: int, w: int
+    position: Positions, p: int, q: int, u: int, w: int
 ) -> tuple[float, float, float, float]:
     """Signed distance of the lines p-q and u-w, and their common unit normal; 0 if parallel."""
     ax, ay, az = (
@@ -151,8 +157,8 @@ def height_over_edge(
     )
     nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
     length = math.sqrt(nx * nx + ny * ny + nz * nz)
-    if length < 1e-14:
-        return 0.0, 0.0, 0.0, 0.0
+    if length < TINY:
+        return ZERO, ZERO, ZERO, ZERO
     nx /= length
     ny /= length
     nz /= length

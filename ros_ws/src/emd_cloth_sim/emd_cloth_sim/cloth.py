@@ -12,13 +12,15 @@ from emd_cloth_sim.diagnostics import ClothDiagnostics, diagnose
 from emd_cloth_sim.hand import Hand, check_transform
 from emd_cloth_sim.mesh import build_mesh, flat_positions
 from emd_cloth_sim.step_data import (
+    CLEAN,
+    UNSEEN,
     ClothState,
     Held,
     constraints_of,
     contact_memory,
     step_settings,
 )
-from emd_cloth_sim.xpbd import advance_step
+from emd_cloth_sim.xpbd import advance_step, undo
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FloatArray
 
@@ -33,12 +35,15 @@ class Cloth:
         """Lay the cloth flat, centred and axis-parallel on the desk, at rest."""
         self.config = config or ClothConfig()
         self.mesh = build_mesh(self.config.vertices, self.config.spacing)
-        self._position = flat_positions(self.config.vertices, self.config.side_lengths)
-        self._position[:, 2] = 0.5 * self.config.thickness
+        flat = flat_positions(self.config.vertices, self.config.side_lengths)
+        flat[:, 2] = 0.5 * self.config.thickness
+        self._position = flat.astype(np.float32)
         self._velocity = np.zeros_like(self._position)
-        self._state = ClothState(self._position, self._position.copy(), self._velocity)
+        self._state = ClothState(
+            self._position, self._position.copy(), self._velocity, self._position.copy()
+        )
         self._constraints = constraints_of(self.mesh, self.config)
-        self._memory = contact_memory(self.mesh, len(self._position))
+        self._memory = contact_memory(self.config)
         self._growth = 1
         self._hands = (Hand(), Hand())
         self._slow_time = self.config.settle_time
@@ -70,17 +75,17 @@ class Cloth:
     @property
     def positions_in_table(self) -> FloatArray:
         """Vertices of the mid-surface, shape (V, 3), metres, table frame; a copy."""
-        return self._position.copy()
+        return self._position.astype(np.float64)
 
     @property
     def top_surface_in_table(self) -> FloatArray:
         """What a camera sees: the mid-surface raised by half the thickness, (V, 3), metres."""
-        return self._position + np.array([0.0, 0.0, 0.5 * self.config.thickness])
+        return self.positions_in_table + np.array([0.0, 0.0, 0.5 * self.config.thickness])
 
     @property
     def velocities(self) -> FloatArray:
         """Velocities of the vertices, shape (V, 3), m/s; a copy."""
-        return self._velocity.copy()
+        return self._velocity.astype(np.float64)
 
     @property
     def max_speed(self) -> float:
@@ -121,12 +126,12 @@ class Cloth:
         """
         transform = check_transform(transform_tool_to_table)
         self.release(hand)
-        offset = self._position - transform[:3, 3]
+        offset = self.positions_in_table - transform[:3, 3]
         near = np.hypot(offset[:, 0], offset[:, 1]) <= self.config.effective_grasp_radius
         near &= np.abs(offset[:, 2]) <= self.config.grasp_height_tolerance
         near[self._hands[1 - hand].held] = False
         held = np.flatnonzero(near).astype(np.int32)
-        self._hands[hand].close(transform, held, self._position)
+        self._hands[hand].close(transform, held, self.positions_in_table)
         if len(held):
             self._slow_time = 0.0
         return len(held)
@@ -173,10 +178,15 @@ class Cloth:
     def check(self, raise_on_failure: bool = False) -> ClothDiagnostics:
         """Examine whether the present state can be believed.
 
+        Crossings that have come up since they were last looked for are undone before.
+
         Raises:
             SimulationError: If asked to and it cannot.
         """
-        result = diagnose(self._position, self.mesh, self.config.thickness)
+        self._undo_crossings()
+        result = diagnose(
+            self.positions_in_table, self.mesh, self.config.vertices, self.config.thickness
+        )
         if raise_on_failure:
             result.raise_on_failure()
         return result
@@ -190,7 +200,13 @@ class Cloth:
         slow = self.max_speed < self.config.settle_speed
         self._slow_time = self._slow_time + duration if slow else 0.0
         if self.settled and not any(len(hand.held) for hand in self._hands):
+            self._undo_crossings()
             self._velocity[:] = 0.0
+
+    def _undo_crossings(self) -> None:
+        if self._memory.counts[UNSEEN] > 0.0:
+            settings = step_settings(self.config, self.config.step / self.config.mesh_substeps)
+            undo(self._state, self._constraints, self._memory, settings)
 
     def _advance_step(self, duration: float, start: float, end: float) -> None:
         substep = duration / self.config.mesh_substeps
@@ -204,7 +220,9 @@ class Cloth:
             if first == settings.substeps:
                 return
             self._growth *= 2
-            self._memory = contact_memory(self.mesh, len(self._position), self._growth)
+            counts = self._memory.counts
+            self._memory = contact_memory(self.config, self._growth)
+            self._memory.counts[CLEAN:] = counts[CLEAN:]
 
     def _held(self, start: float, end: float, substep: float) -> Held:
         reach = [
@@ -213,12 +231,18 @@ class Cloth:
         ]
         return Held(
             np.concatenate([hand.held for hand in self._hands]),
-            np.concatenate([hand.held_positions(start) for hand in self._hands]),
-            np.concatenate([hand.held_positions(end) for hand in self._hands]),
-            np.concatenate(reach),
+            _joined([hand.held_positions(start) for hand in self._hands]),
+            _joined([hand.held_positions(end) for hand in self._hands]),
+            _joined(reach),
         )
 
     def _reach(self, held: int, substep: float) -> FloatArray:
         """Ways that a vertex's share of grip and press force moves it in one substep, metres."""
         force = np.array([self.config.grip_force, self.config.press_force]) / max(held, 1)
-        return np.asarray(force / self.config.vertex_mass * substep**2)
+        reach = force / self.config.vertex_mass * substep**2
+        # What has slipped catches up no faster than anything else moves.
+        return np.asarray(np.minimum(reach, self.config.max_speed * substep))
+
+
+def _joined(parts: list[FloatArray]) -> NDArray[np.float32]:
+    return np.concatenate(parts).astype(np.float32)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,17 +36,15 @@ class ClothConfig:
         max_speed: Cap on the speed of a vertex, m/s. With `step` and `substeps` it must keep the
             way of one substep below half a thickness, or layers could jump through each other.
         step: Longest time step between two updates of the hands, seconds.
-        substeps: Solver substeps a `step` of a mesh with 41 vertices a side. Stretch under a
-            given load grows with (vertices / substeps)^2, so finer meshes get more, in
-            proportion; never fewer than this.
+        substeps: Least number of solver substeps in a `step`.
+        vertices_per_substep: Stretch under a given load grows with (vertices / substeps)^2, so a
+            mesh has at least one substep for so many vertices of its longer side.
         grasp_radius: Horizontal reach of a closing hand, metres. The authors' generator has
             0.025 normalised, 0.0071 m.
         grasp_height_tolerance: Vertical reach up and down: generous, so that a hand takes all
             layers at its spot (paper, IV-B).
         grip_force: Force at which cloth slips after its hand instead of being torn, N.
         press_force: The same downwards: fingertips cannot push slack cloth into a pile, N.
-        edge_contact: Whether edges collide with edges too, not only vertices with triangles. It
-            halves the rate of small crossings in crumpled piles and doubles the cost.
         settle_speed: The cloth rests when no vertex is faster than this, m/s.
         settle_time: For how long it must be so, seconds.
     """
@@ -65,11 +64,11 @@ class ClothConfig:
     max_speed: float = 2.5
     step: float = 1.0 / 240.0
     substeps: int = 12
+    vertices_per_substep: float = 5.8
     grasp_radius: float = 0.0075
     grasp_height_tolerance: float = 0.05
     grip_force: float = 0.8
     press_force: float = 0.02
-    edge_contact: bool = False
     settle_speed: float = 0.03
     settle_time: float = 0.05
 
@@ -116,8 +115,8 @@ class ClothConfig:
 
     @property
     def mesh_substeps(self) -> int:
-        """Substeps a step for this mesh: `substeps` up to 41 vertices a side, more above."""
-        return max(self.substeps, round(self.substeps * (max(self.vertices) - 1) / 40))
+        """Substeps a step for this mesh: `substeps`, or more for a fine one."""
+        return max(self.substeps, math.ceil(max(self.vertices) / self.vertices_per_substep))
 
     @property
     def effective_grasp_radius(self) -> float:
@@ -168,6 +167,7 @@ _POSITIVE = (
     "areal_density",
     "max_speed",
     "step",
+    "vertices_per_substep",
     "grasp_radius",
     "grasp_height_tolerance",
     "grip_force",

@@ -1,124 +1,286 @@
-"""The constraints of the cloth: each kernel is one Gauss-Seidel sweep over one kind.
+"""The constraints of the cloth: each kernel is one sweep over one kind, on planes (see `planes`).
 
 All vertices have the same mass. A compliance is scaled by vertex mass over squared substep, so it
-has no unit.
+has no unit. Lengths and right angles are swept by Gauss-Seidel in colours that share no vertex;
+bending, which is soft, all at once (Jacobi), which treats all directions alike.
 """
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from emd_cloth_sim.mesh import IndexArray
-from emd_core.frames import FloatArray
+from emd_cloth_sim.planes import FAST, HALF, LANES, PITCH, ROW, Plane
+
+ONE, TWO = np.float32(1.0), np.float32(2.0)
+ZERO, HALF_SHARE = np.float32(0.0), np.float32(0.5)
+TINY = np.float32(1e-18)
+# Greatest eigenvalue of one direction's bending constraints, so that a sweep never overshoots.
+STIFFEST_BEND = np.float32(16.0)
 
 
-@njit(cache=True)
+@njit(**FAST)
 def hold_lengths(
-    position: FloatArray, pairs: IndexArray, lengths: FloatArray, compliance: float
+    planes: Plane,
+    length_x: Plane,
+    length_y: Plane,
+    rows: int,
+    columns: int,
+    compliance: np.float32,
 ) -> None:
-    """Pull pairs of equal masses to their rest lengths; `compliance` is scaled, no unit."""
-    factor = 1.0 / (2.0 + compliance)
-    for c in range(pairs.shape[0]):
-        a = pairs[c, 0]
-        b = pairs[c, 1]
-        x = position[b, 0] - position[a, 0]
-        y = position[b, 1] - position[a, 1]
-        z = position[b, 2] - position[a, 2]
-        length = math.sqrt(x * x + y * y + z * z)
-        if length < 1e-9:
-            continue
-        pull = factor * (1.0 - lengths[c] / length)
-        position[a, 0] += pull * x
-        position[a, 1] += pull * y
-        position[a, 2] += pull * z
-        position[b, 0] -= pull * x
-        position[b, 1] -= pull * y
-        position[b, 2] -= pull * z
+    """Pull neighbours to their rest lengths, which are listed at the lower vertex of each pair."""
+    factor = ONE / (TWO + compliance)
+    even, odd = (columns + 1) // 2, columns // 2
+    for colour in range(2):
+        for q in range((rows - colour) // 2):
+            i = 2 * q + colour
+            row, at = i * ROW, i * PITCH
+            _pull_run(planes, row, row + ROW, length_x, at, even, factor)
+            _pull_run(planes, row + HALF, row + ROW + HALF, length_x, at + HALF, odd, factor)
+    for i in range(rows):
+        row, at = i * ROW, i * PITCH
+        _pull_run(planes, row, row + HALF, length_y, at, odd, factor)
+        _pull_run(planes, row + HALF, row + 1, length_y, at + HALF, even - 1, factor)
 
 
-@njit(cache=True)
+@njit(inline="always")
+def _pull_run(
+    planes: Plane, first: int, second: int, length: Plane, at: int, count: int, factor: np.float32
+) -> None:
+    """Pull `count` pairs that share no vertex."""
+    for tile in range((count + LANES - 1) // LANES):
+        for lane in range(LANES):
+            m = tile * LANES + lane
+            a, b = first + m, second + m
+            x = planes[b] - planes[a]
+            y = planes[b + PITCH] - planes[a + PITCH]
+            z = planes[b + 2 * PITCH] - planes[a + 2 * PITCH]
+            pull = factor * (ONE - length[at + m] / math.sqrt(x * x + y * y + z * z + TINY))
+            pull = pull if m < count else ZERO
+            planes[a] += pull * x
+            planes[a + PITCH] += pull * y
+            planes[a + 2 * PITCH] += pull * z
+            planes[b] -= pull * x
+            planes[b + PITCH] -= pull * y
+            planes[b + 2 * PITCH] -= pull * z
+
+
+@njit(**FAST)
 def resist_shear(
-    position: FloatArray, corners: IndexArray, length: float, compliance: float
+    planes: Plane, rows: int, columns: int, length: np.float32, compliance: np.float32
 ) -> None:
     """Pull the legs of right-angled triangles to a right angle.
 
     The constraint is the legs' dot product over the `length` of a leg. Unlike springs along the
-    diagonals it does not resist folding along them.
+    diagonals it does not resist folding along them. The diagonals alternate as in `SheetMesh`.
     """
-    for n in range(corners.shape[0]):
-        a = corners[n, 0]
-        b = corners[n, 1]
-        c = corners[n, 2]
-        ux = (position[b, 0] - position[a, 0]) / length
-        uy = (position[b, 1] - position[a, 1]) / length
-        uz = (position[b, 2] - position[a, 2]) / length
-        vx = (position[c, 0] - position[a, 0]) / length
-        vy = (position[c, 1] - position[a, 1]) / length
-        vz = (position[c, 2] - position[a, 2]) / length
-        dot = ux * vx + uy * vy + uz * vz
-        legs = ux * ux + uy * uy + uz * uz + vx * vx + vy * vy + vz * vz
-        pull = -length * dot / (2.0 * (legs + dot) + compliance)
-        position[b, 0] += pull * vx
-        position[b, 1] += pull * vy
-        position[b, 2] += pull * vz
-        position[c, 0] += pull * ux
-        position[c, 1] += pull * uy
-        position[c, 2] += pull * uz
-        position[a, 0] -= pull * (ux + vx)
-        position[a, 1] -= pull * (uy + vy)
-        position[a, 2] -= pull * (uz + vz)
+    inverse = ONE / length
+    first, second = columns // 2, (columns - 1) // 2
+    # Cells of even rows and even columns, even and odd, odd and even, odd and odd: two triangles each.
+    for q in range(rows // 2):
+        row = 2 * q * ROW
+        _square_run(planes, row + ROW, row, row + ROW + HALF, first, inverse, compliance)
+    for q in range(rows // 2):
+        row = 2 * q * ROW
+        _square_run(planes, row + HALF, row + ROW + HALF, row, first, inverse, compliance)
+    for q in range(rows // 2):
+        row = 2 * q * ROW
+        _square_run(planes, row + HALF, row + ROW + HALF, row + 1, second, inverse, compliance)
+    for q in range(rows // 2):
+        row = 2 * q * ROW
+        _square_run(planes, row + ROW + 1, row + 1, row + ROW + HALF, second, inverse, compliance)
+    for q in range((rows - 1) // 2):
+        row = (2 * q + 1) * ROW
+        _square_run(planes, row, row + ROW, row + HALF, first, inverse, compliance)
+    for q in range((rows - 1) // 2):
+        row = (2 * q + 1) * ROW
+        _square_run(planes, row + ROW + HALF, row + HALF, row + ROW, first, inverse, compliance)
+    for q in range((rows - 1) // 2):
+        row = (2 * q + 1) * ROW
+        _square_run(
+            planes, row + ROW + HALF, row + HALF, row + ROW + 1, second, inverse, compliance
+        )
+    for q in range((rows - 1) // 2):
+        row = (2 * q + 1) * ROW
+        _square_run(planes, row + 1, row + ROW + 1, row + HALF, second, inverse, compliance)
 
 
-@njit(cache=True)
-def limit_sharpness(position: FloatArray, pairs: IndexArray, shortest: FloatArray) -> None:
-    """Keep pairs of vertices at least `shortest` apart, so that no fold is sharper than that."""
-    for c in range(pairs.shape[0]):
-        a = pairs[c, 0]
-        b = pairs[c, 1]
-        x = position[b, 0] - position[a, 0]
-        y = position[b, 1] - position[a, 1]
-        z = position[b, 2] - position[a, 2]
-        square = x * x + y * y + z * z
-        if square >= shortest[c] * shortest[c] or square < 1e-18:
+@njit(inline="always")
+def _square_run(
+    planes: Plane,
+    corner: int,
+    one: int,
+    other: int,
+    count: int,
+    inverse: np.float32,
+    compliance: np.float32,
+) -> None:
+    """Pull `count` angles that share no vertex, at `corner` with the legs to `one` and `other`."""
+    for tile in range((count + LANES - 1) // LANES):
+        for lane in range(LANES):
+            m = tile * LANES + lane
+            a, b, c = corner + m, one + m, other + m
+            ux = (planes[b] - planes[a]) * inverse
+            uy = (planes[b + PITCH] - planes[a + PITCH]) * inverse
+            uz = (planes[b + 2 * PITCH] - planes[a + 2 * PITCH]) * inverse
+            vx = (planes[c] - planes[a]) * inverse
+            vy = (planes[c + PITCH] - planes[a + PITCH]) * inverse
+            vz = (planes[c + 2 * PITCH] - planes[a + 2 * PITCH]) * inverse
+            dot = ux * vx + uy * vy + uz * vz
+            legs = ux * ux + uy * uy + uz * uz + vx * vx + vy * vy + vz * vz
+            pull = -dot / (inverse * (TWO * (legs + dot) + compliance + TINY))
+            pull = pull if m < count else ZERO
+            planes[b] += pull * vx
+            planes[b + PITCH] += pull * vy
+            planes[b + 2 * PITCH] += pull * vz
+            planes[c] += pull * ux
+            planes[c + PITCH] += pull * uy
+            planes[c + 2 * PITCH] += pull * uz
+            planes[a] -= pull * (ux + vx)
+            planes[a + PITCH] -= pull * (uy + vy)
+            planes[a + 2 * PITCH] -= pull * (uz + vz)
+
+
+@njit(**FAST)
+def limit_sharpness(
+    planes: Plane,
+    rows: int,
+    columns: int,
+    shortest_x: np.float32,
+    shortest_y: np.float32,
+    shortest_diagonal: np.float32,
+) -> None:
+    """Keep vertices two edges or a diagonal apart at a distance, so that no fold is sharper."""
+    even, odd = (columns + 1) // 2, columns // 2
+    for i in range(rows):
+        row = i * ROW
+        if i + 2 < rows:
+            _keep_apart(planes, row, row + 2 * ROW, even, shortest_x, False)
+            _keep_apart(planes, row + HALF, row + 2 * ROW + HALF, odd, shortest_x, False)
+        _keep_apart(planes, row, row + 1, even - 1, shortest_y, True)
+        _keep_apart(planes, row + HALF, row + HALF + 1, odd - 1, shortest_y, True)
+        if i + 1 < rows:
+            _keep_apart(planes, row, row + ROW + HALF, odd, shortest_diagonal, False)
+            _keep_apart(planes, row + HALF, row + ROW, odd, shortest_diagonal, False)
+            _keep_apart(planes, row + HALF, row + ROW + 1, even - 1, shortest_diagonal, False)
+            _keep_apart(planes, row + 1, row + ROW + HALF, even - 1, shortest_diagonal, False)
+
+
+@njit(inline="always")
+def _keep_apart(
+    planes: Plane, first: int, second: int, count: int, shortest: np.float32, chained: bool
+) -> None:
+    """Push `count` pairs; most are far apart, so whole tiles of them are passed over.
+
+    `chained` pairs share vertices with the next ones and are pushed in turn.
+    """
+    limit = shortest * shortest
+    for tile in range((count + LANES - 1) // LANES):
+        start = tile * LANES
+        near = 0
+        for lane in range(LANES):
+            m = start + lane
+            near += (_square_gap(planes, first + m, second + m) < limit) & (m < count)
+        if near == 0:
             continue
-        push = 0.5 * (shortest[c] / math.sqrt(square) - 1.0)
-        position[a, 0] -= push * x
-        position[a, 1] -= push * y
-        position[a, 2] -= push * z
-        position[b, 0] += push * x
-        position[b, 1] += push * y
-        position[b, 2] += push * z
+        if not chained:
+            for lane in range(LANES):
+                m = start + lane
+                a, b = first + m, second + m
+                x = planes[b] - planes[a]
+                y = planes[b + PITCH] - planes[a + PITCH]
+                z = planes[b + 2 * PITCH] - planes[a + 2 * PITCH]
+                square = x * x + y * y + z * z
+                push = HALF_SHARE * (shortest / math.sqrt(square + TINY) - ONE)
+                push = push if (square < limit) & (m < count) else ZERO
+                planes[a] -= push * x
+                planes[a + PITCH] -= push * y
+                planes[a + 2 * PITCH] -= push * z
+                planes[b] += push * x
+                planes[b + PITCH] += push * y
+                planes[b + 2 * PITCH] += push * z
+            continue
+        for m in range(start, min(start + LANES, count)):
+            a, b = first + m, second + m
+            square = _square_gap(planes, a, b)
+            if square < limit:
+                push = HALF_SHARE * (shortest / math.sqrt(square + TINY) - ONE)
+                for k in range(3):
+                    way = push * (planes[b + k * PITCH] - planes[a + k * PITCH])
+                    planes[a + k * PITCH] -= way
+                    planes[b + k * PITCH] += way
 
 
-@njit(cache=True)
-def resist_bending(position: FloatArray, triples: IndexArray, compliance: float) -> None:
-    """Pull three vertices in a row towards a straight line (quadratic bending energy)."""
-    factor = 1.0 / (6.0 + compliance)
-    for c in range(triples.shape[0]):
-        a = triples[c, 0]
-        b = triples[c, 1]
-        d = triples[c, 2]
-        for k in range(3):
-            push = factor * (position[a, k] - 2.0 * position[b, k] + position[d, k])
-            position[a, k] -= push
-            position[b, k] += 2.0 * push
-            position[d, k] -= push
+@njit(inline="always")
+def _square_gap(planes: Plane, a: int, b: int) -> np.float32:
+    x = planes[b] - planes[a]
+    y = planes[b + PITCH] - planes[a + PITCH]
+    z = planes[b + 2 * PITCH] - planes[a + 2 * PITCH]
+    return x * x + y * y + z * z
 
 
-@njit(cache=True)
+@njit(**FAST)
+def resist_bending(
+    planes: Plane, bend: Plane, rows: int, columns: int, compliance: np.float32
+) -> None:
+    """Pull three vertices in a row towards a straight line (quadratic bending energy).
+
+    `bend` is working memory as long as `planes`, zero where there is no vertex.
+    """
+    factor = ONE / (STIFFEST_BEND + compliance)
+    for i in range(rows - 2):
+        for n in range(ROW):
+            m = i * ROW + n
+            bend[m] = factor * (planes[m] - TWO * planes[m + ROW] + planes[m + 2 * ROW])
+    for i in range(rows - 2):
+        for n in range(ROW):
+            m = i * ROW + n
+            planes[m] -= bend[m]
+            planes[m + ROW] += TWO * bend[m]
+            planes[m + 2 * ROW] -= bend[m]
+    for r in range(3 * rows):
+        _bend_run(planes, bend, r * PITCH, columns, factor)
+
+
+@njit(inline="always")
+def _bend_run(planes: Plane, bend: Plane, run: int, columns: int, factor: np.float32) -> None:
+    """Bending along j of one coordinate of one row, whose run begins at `run`."""
+    # At even j, then at odd j; places without two neighbours are set to zero afterwards.
+    for m in range(HALF - 1):
+        n = run + m
+        bend[n + 1] = factor * (planes[n + HALF] - TWO * planes[n + 1] + planes[n + HALF + 1])
+    for m in range(HALF - 1):
+        n = run + m
+        bend[n + HALF] = factor * (planes[n] - TWO * planes[n + HALF] + planes[n + 1])
+    bend[run] = ZERO
+    for j in range(columns - 1, columns + 1):
+        bend[run + (j & 1) * HALF + (j >> 1)] = ZERO
+    for m in range(HALF - 1):
+        n = run + m
+        planes[n + HALF] -= bend[n] - TWO * bend[n + HALF] + bend[n + 1]
+    planes[run] -= bend[run + HALF]
+    for m in range(HALF - 1):
+        n = run + m
+        planes[n + 1] -= bend[n + HALF] - TWO * bend[n + 1] + bend[n + HALF + 1]
+
+
+@njit(**FAST)
 def pull_to_hands(
-    position: FloatArray,
+    position: NDArray[np.float32],
     held: IndexArray,
-    start: FloatArray,
-    end: FloatArray,
-    progress: float,
-    reach: FloatArray,
+    start: NDArray[np.float32],
+    end: NDArray[np.float32],
+    progress: np.float32,
+    reach: NDArray[np.float32],
 ) -> None:
     """Move held vertices to their place in the hand, as far as the grip's force allows.
 
-    `reach` has a row for every held vertex: the longest move in all, and the longest downwards.
+    `position` is (V, 3). `reach` has a row for every held vertex: the longest move in all, and the
+    longest downwards.
     """
     for c in range(held.shape[0]):
         v = held[c]
@@ -127,7 +289,7 @@ def pull_to_hands(
         z = start[c, 2] + progress * (end[c, 2] - start[c, 2]) - position[v, 2]
         z = max(z, -reach[c, 1])
         way = math.sqrt(x * x + y * y + z * z)
-        scale = 1.0
+        scale = ONE
         if way > reach[c, 0]:
             scale = reach[c, 0] / way
         position[v, 0] += scale * x

@@ -1,52 +1,62 @@
 """Contact of the cloth with itself and with the desk, with Coulomb friction.
 
-Self-contact keeps every vertex one thickness away from every triangle it does not belong to
+Self-contact keeps every vertex one thickness away from every triangle that is not its neighbour
 (Bridson et al., "Robust Treatment of Collisions, Contact and Friction for Cloth Animation", 2002,
-the vertex-triangle half). So the thickness is free of the mesh spacing. Which pairs can touch is
-searched only when the cloth has moved by a margin; between searches each pair sleeps until the
-cloth could have moved far enough to close its gap.
+the vertex-triangle half). So the thickness is free of the mesh spacing. Three lists keep it cheap:
+the candidates, searched when the cloth has moved by a margin; of these the pairs that may touch
+within the next few substeps, with their normals and weights; and of these those that do.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
+import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-from emd_cloth_sim.broad_phase import Candidates
+from emd_cloth_sim.broad_phase import Candidates, Contacts
 from emd_cloth_sim.closest_points import closest_on_triangle, height_over_triangle
 from emd_cloth_sim.mesh import IndexArray
-from emd_core.frames import FloatArray
+from emd_cloth_sim.planes import FAST
+
+Positions = NDArray[np.floating[Any]]
+ZERO, ONE = np.float32(0.0), np.float32(1.0)
+IN_CONTACT = np.float32(-1.0)
+TINY = np.float32(1e-9)
 
 
-@njit(cache=True)
-def collide_with_self(
-    position: FloatArray,
-    previous: FloatArray,
+@njit(**FAST)
+def find_contacts(
+    position: Positions,
     triangles: IndexArray,
     candidates: Candidates,
     count: int,
-    travelled: float,
-    thickness: float,
-    friction: float,
-) -> None:
-    """Push vertices and triangles that are closer than `thickness` apart, with friction.
+    travelled: np.float32,
+    horizon: np.float32,
+    thickness: np.float32,
+    contacts: Contacts,
+) -> int:
+    """List the candidates that may touch before the cloth has travelled the `horizon`.
 
     A pair in contact (its wake is -1) remembers on which side of the triangle its vertex was, so
     that a vertex that came through is pushed back; beside the triangle it may change sides.
+    Returns how many pairs there are.
     """
     vertex, triangle, side, wake = candidates
+    found = 0
     for n in range(count):
-        if travelled < wake[n]:
+        if travelled + horizon < wake[n]:
             continue
         v, t = vertex[n], triangle[n]
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
         height = height_over_triangle(position, v, a, b, c)
-        if wake[n] >= 0.0:
+        if wake[n] >= ZERO:
             # It slept, so it has not touched since: whatever side it is on now is right.
-            side[n] = 1.0 if height >= 0.0 else -1.0
+            side[n] = ONE if height >= ZERO else -ONE
         height *= side[n]
-        if height >= thickness:
+        if height >= thickness + horizon:
             wake[n] = travelled + height - thickness
             continue
         wa, wb, wc = closest_on_triangle(
@@ -56,36 +66,79 @@ def collide_with_self(
         y = position[v, 1] - wa * position[a, 1] - wb * position[b, 1] - wc * position[c, 1]
         z = position[v, 2] - wa * position[a, 2] - wb * position[b, 2] - wc * position[c, 2]
         distance = math.sqrt(x * x + y * y + z * z)
-        if wa > 0.0 and wb > 0.0 and wc > 0.0:
+        gap, sign = distance, ONE
+        if wa > ZERO and wb > ZERO and wc > ZERO:
             gap = height
-            sign = 1.0 if height > 0.0 else -1.0
-        else:
-            gap = distance
-            sign = 1.0
-            if height < 0.0:
-                side[n] = -side[n]
-        if gap >= thickness:
+            sign = ONE if height > ZERO else -ONE
+        elif height < ZERO:
+            side[n] = -side[n]
+        if gap >= thickness + horizon:
             wake[n] = travelled + gap - thickness
             continue
-        wake[n] = -1.0
-        if distance < 1e-9:
+        wake[n] = IN_CONTACT if gap < thickness else travelled
+        if distance < TINY:
             continue
+        corners, weights, normal = contacts
+        corners[found, 0], corners[found, 1], corners[found, 2], corners[found, 3] = v, a, b, c
+        weights[found, 0], weights[found, 1], weights[found, 2] = wa, wb, wc
         sign /= distance
-        _push_apart(
-            position,
-            previous,
-            (v, a, b, c),
-            (wa, wb, wc),
-            (x * sign, y * sign, z * sign),
-            min(thickness - gap, thickness),
-            friction,
+        normal[found, 0], normal[found, 1], normal[found, 2] = x * sign, y * sign, z * sign
+        found += 1
+    return found
+
+
+@njit(**FAST)
+def collide_with_self(
+    position: Positions,
+    previous: Positions,
+    contacts: Contacts,
+    count: int,
+    thickness: np.float32,
+    friction: np.float32,
+) -> None:
+    """Push vertices and triangles that are closer than `thickness` apart, with friction."""
+    corners, weights, normal = contacts
+    for n in range(count):
+        v, a, b, c = corners[n, 0], corners[n, 1], corners[n, 2], corners[n, 3]
+        wa, wb, wc = weights[n, 0], weights[n, 1], weights[n, 2]
+        nx, ny, nz = normal[n, 0], normal[n, 1], normal[n, 2]
+        gap = (
+            nx * _gap(position, v, a, b, c, wa, wb, wc, 0)
+            + ny * _gap(position, v, a, b, c, wa, wb, wc, 1)
+            + nz * _gap(position, v, a, b, c, wa, wb, wc, 2)
         )
+        if gap < thickness:
+            _push_apart(
+                position,
+                previous,
+                (v, a, b, c),
+                (wa, wb, wc),
+                (nx, ny, nz),
+                min(thickness - gap, thickness),
+                friction,
+            )
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
+def _gap(
+    position: Positions,
+    v: int,
+    a: int,
+    b: int,
+    c: int,
+    wa: np.float32,
+    wb: np.float32,
+    wc: np.float32,
+    k: int,
+) -> np.float32:
+    """From the triangle's point to the vertex, along axis k."""
+    return position[v, k] - wa * position[a, k] - wb * position[b, k] - wc * position[c, k]
+
+
+@njit(inline="always")
 def _push_apart(
-    position: FloatArray,
-    previous: FloatArray,
+    position: Positions,
+    previous: Positions,
     corners: tuple[int, int, int, int],
     weights: tuple[float, float, float],
     normal: tuple[float, float, float],
@@ -96,7 +149,7 @@ def _push_apart(
     v, a, b, c = corners
     wa, wb, wc = weights
     nx, ny, nz = normal
-    share = 1.0 / (1.0 + wa * wa + wb * wb + wc * wc)
+    share = ONE / (ONE + wa * wa + wb * wb + wc * wc)
     sx = _relative_way(position, previous, v, a, b, c, wa, wb, wc, 0)
     sy = _relative_way(position, previous, v, a, b, c, wa, wb, wc, 1)
     sz = _relative_way(position, previous, v, a, b, c, wa, wb, wc, 2)
@@ -105,7 +158,7 @@ def _push_apart(
     sy -= along * ny
     sz -= along * nz
     slide = math.sqrt(sx * sx + sy * sy + sz * sz)
-    brake = 1.0
+    brake = ONE
     if slide > friction * depth:
         brake = friction * depth / slide
     mx = share * (depth * nx - brake * sx)
@@ -125,10 +178,10 @@ def _push_apart(
     position[c, 2] -= wc * mz
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _relative_way(
-    position: FloatArray,
-    previous: FloatArray,
+    position: Positions,
+    previous: Positions,
     v: int,
     a: int,
     b: int,
@@ -148,20 +201,20 @@ def _relative_way(
     )
 
 
-@njit(cache=True)
+@njit(**FAST)
 def collide_with_desk(
-    position: FloatArray, previous: FloatArray, height: float, friction: float
+    position: Positions, previous: Positions, height: float, friction: float
 ) -> None:
     """Keep vertices at least `height` over the desk (z = 0) and brake their sliding on it."""
     for v in range(position.shape[0]):
         depth = height - position[v, 2]
-        if depth <= 0.0:
+        if depth <= ZERO:
             continue
         position[v, 2] = height
         x = position[v, 0] - previous[v, 0]
         y = position[v, 1] - previous[v, 1]
         slide = math.sqrt(x * x + y * y)
-        brake = 1.0
+        brake = ONE
         if slide > friction * depth:
             brake = friction * depth / slide
         position[v, 0] -= brake * x

@@ -2,142 +2,136 @@
 
 from __future__ import annotations
 
-import math
-
+import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-from emd_cloth_sim.broad_phase import Candidates, Cells, fill_boxes, sort_into_cells
-from emd_cloth_sim.closest_points import closest_on_triangle, height_over_triangle
+from emd_cloth_sim.broad_phase import (
+    PLACES,
+    Candidates,
+    Patches,
+    fill_boxes,
+    fill_normals,
+    lowest_bit,
+    mark_overlaps,
+    pair_patches,
+)
+from emd_cloth_sim.closest_points import height_over_triangle
 from emd_cloth_sim.mesh import IndexArray
-from emd_core.frames import FloatArray
+from emd_cloth_sim.planes import FAST
+
+# Neighbours whose normals are within 60 degrees of one direction do not touch each other.
+FACING = np.float32(0.5)
+ZERO, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 
 
-@njit(cache=True)
+@njit(**FAST)
 def find_candidates(
-    position: FloatArray,
+    position: NDArray[np.float32],
     triangles: IndexArray,
-    reach: float,
-    thickness: float,
-    radius: float,
-    cells: Cells,
+    sheet: tuple[int, int, np.float32, np.float32, np.float32],
+    reach: np.float32,
+    thickness: np.float32,
+    patches: Patches,
     candidates: Candidates,
 ) -> int:
     """List the pairs of vertex and triangle closer than `reach`; -1 if the lists are too short.
 
-    `radius` bounds the distance of a triangle's corners from its centre.
+    `sheet` holds the counts of vertices along x and y, their spacings, and how far apart on the
+    flat sheet a vertex and a cell must be to collide, metres.
     """
-    centres, order, first, boxes = cells.points, cells.order, cells.first, cells.boxes
-    for t in range(triangles.shape[0]):
-        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        for k in range(3):
-            centres[t, k] = (position[a, k] + position[b, k] + position[c, k]) / 3.0
-    low, cell, count = sort_into_cells(cells, reach + radius)
-    fill_boxes(position, triangles, reach, cells)
+    rows, columns = sheet[0], sheet[1]
+    fill_boxes(position, rows, columns, HALF * reach, patches)
+    fill_normals(position, triangles, patches)
     found = 0
-    for v in range(position.shape[0]):
-        x, y, z = position[v, 0], position[v, 1], position[v, 2]
-        i = int(math.floor((x - low[0]) / cell))
-        j = int(math.floor((y - low[1]) / cell))
-        k = int(math.floor((z - low[2]) / cell))
-        k_low, k_high = max(k - 1, 0), min(k + 1, count[2] - 1)
-        if k_low > k_high:
-            continue
-        for ci in range(max(i - 1, 0), min(i + 2, count[0])):
-            for cj in range(max(j - 1, 0), min(j + 2, count[1])):
-                row = (ci * count[1] + cj) * count[2]
-                for n in range(first[row + k_low], first[row + k_high + 1]):
-                    if (
-                        x < boxes[n, 0]
-                        or x > boxes[n, 1]
-                        or y < boxes[n, 2]
-                        or y > boxes[n, 3]
-                        or z < boxes[n, 4]
-                        or z > boxes[n, 5]
-                    ):
-                        continue
-                    found = _add_if_near(
-                        position, triangles, v, order[n], reach, thickness, candidates, found
-                    )
-                    if found < 0:
-                        return -1
+    for m in range(pair_patches(patches, FACING)):
+        p, q = patches.pairs[m]
+        found = _find_between(
+            position, triangles, sheet, reach, thickness, p, q, patches, candidates, found
+        )
+        if found >= 0 and p != q:
+            found = _find_between(
+                position, triangles, sheet, reach, thickness, q, p, patches, candidates, found
+            )
+        if found < 0:
+            return -1
     return found
 
 
-@njit(cache=True, inline="always")
+@njit(**FAST)
+def _find_between(
+    position: NDArray[np.float32],
+    triangles: IndexArray,
+    sheet: tuple[int, int, np.float32, np.float32, np.float32],
+    reach: np.float32,
+    thickness: np.float32,
+    p: int,
+    q: int,
+    patches: Patches,
+    candidates: Candidates,
+    found: int,
+) -> int:
+    """Add the pairs of a vertex of patch p and a triangle of patch q."""
+    boxes, places = patches.boxes, patches.places
+    apart, pad = sheet[4] * sheet[4], HALF * reach
+    for s in range(PLACES):
+        v = places[p * PLACES + s]
+        if v < 0:
+            continue
+        x0, x1 = position[v, 0] - pad, position[v, 0] + pad
+        y0, y1 = position[v, 1] - pad, position[v, 1] + pad
+        z0, z1 = position[v, 2] - pad, position[v, 2] + pad
+        marks = mark_overlaps(boxes, q, x0, x1, y0, y1, z0, z1)
+        while marks != 0:
+            n = q * PLACES + lowest_bit(marks)
+            marks &= marks - 1
+            cell = patches.cells[n]
+            if cell < 0 or _distance_on_sheet(patches, p * PLACES + s, n, sheet) < apart:
+                continue
+            for t in range(2 * cell, 2 * cell + 2):
+                found = _add_if_near(
+                    position, triangles, v, t, reach, thickness, candidates, found
+                )
+                if found < 0:
+                    return -1
+    return found
+
+
+@njit(inline="always")
+def _distance_on_sheet(
+    patches: Patches,
+    vertex: int,
+    cell: int,
+    sheet: tuple[int, int, np.float32, np.float32, np.float32],
+) -> np.float32:
+    """Square of the distance of a place's vertex and a place's cell on the flat sheet."""
+    rows = patches.rows[cell] - patches.rows[vertex]
+    columns = patches.columns[cell] - patches.columns[vertex]
+    x = sheet[2] * np.float32(max(rows, -rows - 1))
+    y = sheet[3] * np.float32(max(columns, -columns - 1))
+    return x * x + y * y
+
+
+@njit(inline="always")
 def _add_if_near(
-    position: FloatArray,
+    position: NDArray[np.float32],
     triangles: IndexArray,
     v: int,
     t: int,
-    reach: float,
-    thickness: float,
+    reach: np.float32,
+    thickness: np.float32,
     candidates: Candidates,
     found: int,
 ) -> int:
     a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-    if v == a or v == b or v == c:
-        return found
     height = height_over_triangle(position, v, a, b, c)
     if abs(height) > reach:
         return found
-    wa, wb, wc = closest_on_triangle(
-        position[v, 0], position[v, 1], position[v, 2], position, a, b, c
-    )
-    square = 0.0
-    for k in range(3):
-        gap = position[v, k] - wa * position[a, k] - wb * position[b, k] - wc * position[c, k]
-        square += gap * gap
-    if square > reach * reach:
-        return found
-    vertex, triangle = candidates.one, candidates.other
-    if found >= vertex.shape[0]:
+    if found >= candidates.vertex.shape[0]:
         return -1
-    vertex[found] = v
-    triangle[found] = t
-    candidates.side[found] = 1.0 if height >= 0.0 else -1.0
-    distance = math.sqrt(square)
-    candidates.wake[found] = distance - thickness if distance > thickness else -1.0
+    candidates.vertex[found] = v
+    candidates.triangle[found] = t
+    candidates.side[found] = ONE if height >= 0 else -ONE
+    # The height is a lower bound of the distance, which is worked out when the pair wakes.
+    candidates.wake[found] = max(abs(height) - thickness, ZERO)
     return found + 1
-
-
-@njit(cache=True)
-def remember_sides(
-    position: FloatArray,
-    triangles: IndexArray,
-    candidates: Candidates,
-    count: int,
-    kept: Candidates,
-) -> int:
-    """Note the pairs whose vertex is on the wrong side just now; returns how many.
-
-    A new search would take the wrong side for the right one.
-    """
-    vertex, triangle, side = candidates.one, candidates.other, candidates.side
-    found = 0
-    for n in range(count):
-        if candidates.wake[n] >= 0.0 or found == kept.one.shape[0]:
-            continue
-        t = triangle[n]
-        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        if side[n] * height_over_triangle(position, vertex[n], a, b, c) >= 0.0:
-            continue
-        v = vertex[n]
-        wa, wb, wc = closest_on_triangle(
-            position[v, 0], position[v, 1], position[v, 2], position, a, b, c
-        )
-        if wa > 0.0 and wb > 0.0 and wc > 0.0:
-            kept.one[found] = v
-            kept.other[found] = t
-            kept.side[found] = side[n]
-            found += 1
-    return found
-
-
-@njit(cache=True)
-def restore_sides(candidates: Candidates, count: int, kept: Candidates, kept_count: int) -> None:
-    """Give pairs noted by `remember_sides` their side back after a new search."""
-    for m in range(kept_count):
-        for n in range(count):
-            if candidates.one[n] == kept.one[m] and candidates.other[n] == kept.other[m]:
-                candidates.side[n] = kept.side[m]
-                candidates.wake[n] = -1.0

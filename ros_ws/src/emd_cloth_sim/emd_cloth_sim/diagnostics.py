@@ -5,17 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
-from emd_cloth_sim.broad_phase import Cells, allocate_cells, sort_into_cells
-from emd_cloth_sim.mesh import IndexArray, SheetMesh
+from emd_cloth_sim.broad_phase import make_patches
+from emd_cloth_sim.crossings import EVERYWHERE, find_crossings
+from emd_cloth_sim.mesh import SheetMesh
 from emd_core.errors import SimulationError
 from emd_core.frames import FloatArray
 
 MAX_STRETCH_P99 = 1.05
-# Two hems that interlock for one cell make 2 to 4 pairs, a blemish of a few millimetres that no
-# voxel shows; layers that went through each other make dozens.
-MAX_CROSSINGS = 8
+MAX_CROSSINGS = 0
+# Sides that cross and are told apart; a mesh that has more is hopeless anyway.
+MAX_LISTED = 20_000
 MAX_DESK_DEPTH = 1e-3
 
 
@@ -26,7 +26,7 @@ class ClothDiagnostics:
     Attributes:
         stretch_p99: 99th percentile of edge length over rest length.
         worst_stretch: The greatest of these ratios.
-        crossings: Pairs of an edge and a triangle that pass through each other.
+        crossings: Pairs of a triangle's side and a triangle that pass through each other.
         desk_depth: Deepest reach of the mid-surface below half a thickness over the desk, metres.
         finite: Whether no coordinate is NaN or infinite.
     """
@@ -63,7 +63,9 @@ class ClothDiagnostics:
             )
 
 
-def diagnose(position: FloatArray, mesh: SheetMesh, thickness: float) -> ClothDiagnostics:
+def diagnose(
+    position: FloatArray, mesh: SheetMesh, vertices: tuple[int, int], thickness: float
+) -> ClothDiagnostics:
     """Examine mid-surface positions, shape (V, 3), metres."""
     if not np.isfinite(position).all():
         return ClothDiagnostics(np.inf, np.inf, 0, np.inf, False)
@@ -72,78 +74,29 @@ def diagnose(position: FloatArray, mesh: SheetMesh, thickness: float) -> ClothDi
     return ClothDiagnostics(
         stretch_p99=float(np.percentile(ratio, 99)),
         worst_stretch=float(ratio.max()),
-        crossings=count_crossings(position, mesh),
+        crossings=count_crossings(position, mesh, vertices),
         desk_depth=float(max(0.0, 0.5 * thickness - position[:, 2].min())),
         finite=True,
     )
 
 
-def count_crossings(position: FloatArray, mesh: SheetMesh) -> int:
-    """Count the pairs of edge and triangle, without a common vertex, that intersect."""
-    corners = position[mesh.triangles]
-    centres = corners.mean(axis=1)
-    radius = float(np.linalg.norm(corners - centres[:, None], axis=2).max())
-    ends = position[mesh.edges]
-    reach = radius + 0.5 * float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).max())
-    cells = allocate_cells(len(centres))
-    cells.points[:] = centres
-    return int(_count_crossings(position, mesh.triangles, mesh.edges, reach, cells))
+def count_crossings(position: FloatArray, mesh: SheetMesh, vertices: tuple[int, int]) -> int:
+    """Count the pairs of a triangle's side and a triangle, without a common vertex, that cross.
 
-
-@njit(cache=True)
-def _count_crossings(
-    position: FloatArray, triangles: IndexArray, edges: IndexArray, reach: float, cells: Cells
-) -> int:
-    order, first = cells.order, cells.first
-    low, cell, count = sort_into_cells(cells, reach)
-    crossings = 0
-    for e in range(edges.shape[0]):
-        p, q = edges[e, 0], edges[e, 1]
-        middle = 0.5 * (position[p] + position[q])
-        i, j, k = np.floor((middle - low) / cell).astype(np.int64)
-        for ci in range(max(i - 1, 0), min(i + 2, count[0])):
-            for cj in range(max(j - 1, 0), min(j + 2, count[1])):
-                for ck in range(max(k - 1, 0), min(k + 2, count[2])):
-                    row = (ci * count[1] + cj) * count[2] + ck
-                    for n in range(first[row], first[row + 1]):
-                        t = order[n]
-                        if _crosses(position, p, q, triangles[t]):
-                            crossings += 1
-    return crossings
-
-
-@njit(cache=True)
-def _crosses(position: FloatArray, p: int, q: int, triangle: IndexArray) -> bool:
-    """Whether segment p-q passes through a triangle (signed volumes of four tetrahedra)."""
-    a, b, c = triangle[0], triangle[1], triangle[2]
-    if p == a or p == b or p == c or q == a or q == b or q == c:
-        return False
-    if _volume(position, a, b, c, p) * _volume(position, a, b, c, q) >= 0.0:
-        return False
-    first = _volume(position, p, q, a, b)
-    second = _volume(position, p, q, b, c)
-    third = _volume(position, p, q, c, a)
-    return (first > 0.0 and second > 0.0 and third > 0.0) or (
-        first < 0.0 and second < 0.0 and third < 0.0
+    Args:
+        position: Shape (V, 3), metres.
+        mesh: The sheet.
+        vertices: Its counts of vertices along x and y.
+    """
+    found = np.empty((MAX_LISTED, 5), dtype=np.int32)
+    total = find_crossings(
+        position.astype(np.float32),
+        mesh.triangles,
+        *vertices,
+        make_patches(vertices),
+        EVERYWHERE,
+        found,
     )
-
-
-@njit(cache=True)
-def _volume(position: FloatArray, a: int, b: int, c: int, d: int) -> float:
-    """Six times the signed volume of the tetrahedron a, b, c, d."""
-    u0, u1, u2 = (
-        position[b, 0] - position[a, 0],
-        position[b, 1] - position[a, 1],
-        position[b, 2] - position[a, 2],
-    )
-    v0, v1, v2 = (
-        position[c, 0] - position[a, 0],
-        position[c, 1] - position[a, 1],
-        position[c, 2] - position[a, 2],
-    )
-    w0, w1, w2 = (
-        position[d, 0] - position[a, 0],
-        position[d, 1] - position[a, 1],
-        position[d, 2] - position[a, 2],
-    )
-    return (u1 * v2 - u2 * v1) * w0 + (u2 * v0 - u0 * v2) * w1 + (u0 * v1 - u1 * v0) * w2
+    listed = found[: min(total, MAX_LISTED)]
+    listed[:, :2].sort(axis=1)
+    return len(np.unique(listed, axis=0))

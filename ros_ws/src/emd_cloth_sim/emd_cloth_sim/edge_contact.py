@@ -1,144 +1,119 @@
-"""Edge-edge contact: keeps two layers from slipping through each other between their vertices.
+"""Edge-edge contact, where vertex-triangle contact alone has let edges pass.
 
-Vertex-triangle contact alone keeps layers apart but leaves holes where only edges meet. This half
-(Bridson et al., 2002) closes them. It acts at a fraction of the thickness, so that nearly all
-pairs sleep while the other half does its work.
+Vertices that keep away from triangles leave holes where two sharp folds meet edge to edge. Such
+pairs are few, so they are not searched for: whenever a crossing has been undone, its edges are
+watched from then on and pushed apart (Bridson et al., 2002), until they have parted.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
+import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-from emd_cloth_sim.broad_phase import Candidates, Cells, fill_boxes, sort_into_cells
-from emd_cloth_sim.closest_points import closest_on_segments, height_over_edge
+from emd_cloth_sim.closest_points import NEARLY_PARALLEL, closest_on_segments, height_over_edge
 from emd_cloth_sim.mesh import IndexArray
-from emd_core.frames import FloatArray
+from emd_cloth_sim.planes import FAST
+
+ZERO, ONE = np.float32(0.0), np.float32(1.0)
+LONGEST_PUSH = np.float32(0.3)
+# Distance at which a pair is no longer watched, in thicknesses of edges.
+PARTED = np.float32(3.0)
 
 
-@njit(cache=True)
-def find_edge_candidates(
-    position: FloatArray,
-    edges: IndexArray,
-    reach: float,
-    thickness: float,
-    longest: float,
-    cells: Cells,
-    candidates: Candidates,
-) -> int:
-    """List the pairs of edges closer than `reach`; -1 if the lists are too short.
+class EdgePairs(NamedTuple):
+    """Edges that are watched; `count` of them, shape (1,).
 
-    `longest` bounds the length of an edge.
+    Attributes:
+        ends: Vertices of the one and of the other edge, shape (M, 4).
+        side: On which side of the other edge the one is, 1 or -1, shape (M,).
+        count: How many pairs there are, shape (1,).
     """
-    middles, cell_of, boxes = cells.points, cells.cell_of, cells.boxes
-    order, first = cells.order, cells.first
-    for e in range(edges.shape[0]):
-        p, q = edges[e, 0], edges[e, 1]
-        for k in range(3):
-            middles[e, k] = 0.5 * (position[p, k] + position[q, k])
-    _, _, count = sort_into_cells(cells, reach + longest)
-    fill_boxes(position, edges, 0.5 * reach, cells)
-    found = 0
-    for m in range(edges.shape[0]):
-        e = order[m]
-        here = cell_of[e]
-        k = here % count[2]
-        j = (here // count[2]) % count[1]
-        i = here // (count[1] * count[2])
-        k_low, k_high = max(k - 1, 0), min(k + 1, count[2] - 1)
-        x0, x1, y0, y1, z0, z1 = boxes[m]
-        for ci in range(i, min(i + 2, count[0])):
-            for cj in range(max(j - 1, 0), min(j + 2, count[1])):
-                row = (ci * count[1] + cj) * count[2]
-                for n in range(max(first[row + k_low], m + 1), first[row + k_high + 1]):
-                    if (
-                        x0 > boxes[n, 1]
-                        or boxes[n, 0] > x1
-                        or y0 > boxes[n, 3]
-                        or boxes[n, 2] > y1
-                        or z0 > boxes[n, 5]
-                        or boxes[n, 4] > z1
-                    ):
-                        continue
-                    found = _add_if_near(
-                        position, edges, e, order[n], reach, thickness, candidates, found
-                    )
-                    if found < 0:
-                        return -1
-    return found
+
+    ends: IndexArray
+    side: NDArray[np.float32]
+    count: NDArray[np.int64]
 
 
-@njit(cache=True, inline="always")
-def _add_if_near(
-    position: FloatArray,
-    edges: IndexArray,
-    e: int,
-    g: int,
-    reach: float,
-    thickness: float,
-    candidates: Candidates,
-    found: int,
-) -> int:
-    p, q, u, w = edges[e, 0], edges[e, 1], edges[g, 0], edges[g, 1]
-    if p == u or p == w or q == u or q == w:
-        return found
-    _, _, x, y, z, _ = closest_on_segments(position, p, q, u, w)
-    distance = math.sqrt(x * x + y * y + z * z)
-    if distance > reach:
-        return found
-    one, other, side, wake = candidates
-    if found >= one.shape[0]:
-        return -1
-    one[found] = e
-    other[found] = g
-    height = height_over_edge(position, p, q, u, w)[0]
-    side[found] = 1.0 if height >= 0.0 else -1.0
-    wake[found] = distance - thickness if distance > thickness else -1.0
-    return found + 1
+def allocate_edge_pairs(size: int) -> EdgePairs:
+    """Make an empty list with room for `size` pairs."""
+    return EdgePairs(
+        np.empty((size, 4), np.int32), np.empty(size, np.float32), np.zeros(1, np.int64)
+    )
 
 
-@njit(cache=True)
-def collide_edges(
-    position: FloatArray,
-    edges: IndexArray,
-    candidates: Candidates,
-    count: int,
-    travelled: float,
-    thickness: float,
+@njit(**FAST)
+def watch_edges(
+    position: NDArray[np.float32], crossings: IndexArray, found: int, pairs: EdgePairs
 ) -> None:
-    """Push crossing sides that are closer than `thickness` apart along their common normal."""
-    one, other, side, wake = candidates
-    longest_push = 0.3 * thickness
-    for n in range(count):
-        if travelled < wake[n]:
-            continue
-        p, q = edges[one[n], 0], edges[one[n], 1]
-        u, w = edges[other[n], 0], edges[other[n], 1]
+    """Watch the edges of crossings (p, q through a, b, c) from a state without crossings."""
+    for n in range(found):
+        p, q = crossings[n, 0], crossings[n, 1]
+        for k in range(3):
+            _watch(position, p, q, crossings[n, 2 + k], crossings[n, 2 + (k + 1) % 3], pairs)
+
+
+@njit(**FAST)
+def _watch(
+    position: NDArray[np.float32], p: int, q: int, u: int, w: int, pairs: EdgePairs
+) -> None:
+    ends, side, count = pairs
+    if p == u or p == w or q == u or q == w or count[0] == ends.shape[0]:
+        return
+    p, q, u, w = min(p, q), max(p, q), min(u, w), max(u, w)
+    for n in range(count[0]):
+        if ends[n, 0] == p and ends[n, 1] == q and ends[n, 2] == u and ends[n, 3] == w:
+            return
+        if ends[n, 0] == u and ends[n, 1] == w and ends[n, 2] == p and ends[n, 3] == q:
+            return
+    height = height_over_edge(position, p, q, u, w)[0]
+    n = count[0]
+    ends[n, 0], ends[n, 1], ends[n, 2], ends[n, 3] = p, q, u, w
+    side[n] = ONE if height >= ZERO else -ONE
+    count[0] += 1
+
+
+@njit(**FAST)
+def forget_parted(position: NDArray[np.float32], pairs: EdgePairs, thickness: np.float32) -> None:
+    """Drop the pairs that are far from each other."""
+    ends, side, count = pairs
+    kept = 0
+    for n in range(count[0]):
+        _, _, x, y, z, _ = closest_on_segments(
+            position, ends[n, 0], ends[n, 1], ends[n, 2], ends[n, 3]
+        )
+        if math.sqrt(x * x + y * y + z * z) < PARTED * thickness:
+            for k in range(4):
+                ends[kept, k] = ends[n, k]
+            side[kept] = side[n]
+            kept += 1
+    count[0] = kept
+
+
+@njit(**FAST)
+def collide_edges(position: NDArray[np.float32], pairs: EdgePairs, thickness: np.float32) -> None:
+    """Push watched edges that are closer than `thickness` apart along their common normal."""
+    ends, side, count = pairs
+    for n in range(count[0]):
+        p, q, u, w = ends[n, 0], ends[n, 1], ends[n, 2], ends[n, 3]
         height, nx, ny, nz = height_over_edge(position, p, q, u, w)
-        slept = wake[n] >= 0.0
-        if slept:
-            side[n] = 1.0 if height >= 0.0 else -1.0
         height *= side[n]
         if height >= thickness:
-            wake[n] = travelled + height - thickness
             continue
-        s, t, x, y, z, sine = closest_on_segments(position, p, q, u, w)
-        if s <= 0.0 or s >= 1.0 or t <= 0.0 or t >= 1.0 or sine < 1e-3:
-            distance = math.sqrt(x * x + y * y + z * z)
-            if distance >= thickness:
-                wake[n] = travelled + distance - thickness
-            else:
-                wake[n] = -1.0
-                if height < 0.0:
-                    side[n] = -side[n]
+        s, t, _, _, _, sine = closest_on_segments(position, p, q, u, w)
+        if s <= ZERO or s >= ONE or t <= ZERO or t >= ONE or sine < NEARLY_PARALLEL:
+            # Past each other's ends they may change sides.
+            if height < ZERO:
+                side[n] = -side[n]
             continue
-        wake[n] = -1.0
-        share = (1.0 - s) ** 2 + s * s + (1.0 - t) ** 2 + t * t
-        push = side[n] * min(thickness - height, longest_push) / share
+        share = (ONE - s) * (ONE - s) + s * s + (ONE - t) * (ONE - t) + t * t
+        push = side[n] * min(thickness - height, LONGEST_PUSH * thickness) / share
         for k in range(3):
-            normal = nx if k == 0 else (ny if k == 1 else nz)
-            position[p, k] += push * (1.0 - s) * normal
-            position[q, k] += push * s * normal
-            position[u, k] -= push * (1.0 - t) * normal
-            position[w, k] -= push * t * normal
+            way = push * (nx if k == 0 else (ny if k == 1 else nz))
+            position[p, k] += (ONE - s) * way
+            position[q, k] += s * way
+            position[u, k] -= (ONE - t) * way
+            position[w, k] -= t * way

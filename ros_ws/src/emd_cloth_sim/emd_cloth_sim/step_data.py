@@ -7,48 +7,72 @@ from typing import NamedTuple
 
 import numpy as np
 
+from numpy.typing import NDArray
+
 from emd_cloth_sim.broad_phase import (
     Candidates,
-    Cells,
+    Contacts,
+    Patches,
     allocate_candidates,
-    allocate_cells,
+    allocate_contacts,
+    make_patches,
 )
 from emd_cloth_sim.config import ClothConfig
+from emd_cloth_sim.edge_contact import EdgePairs, allocate_edge_pairs
 from emd_cloth_sim.mesh import IndexArray, SheetMesh
-from emd_core.frames import FloatArray
+from emd_cloth_sim.planes import Plane, empty_planes, to_plane
 
 # Way that the cloth may travel before the pairs that can touch are searched again, metres: a
 # longer one means more pairs to look at, a shorter one more searches.
-CONTACT_MARGIN = 0.004
-# Share of the thickness at which edges push each other apart.
+CONTACT_MARGIN = 0.003
+# Way that two layers may approach each other before crossings are looked for, in thicknesses.
+UNSEEN_WAY = 0.3
+# Normals and weights of contacts are good for so many substeps, unless the cloth speeds up.
+CONTACT_SUBSTEPS = 4
+# Least and greatest way for which they are, metres.
+LEAST_HORIZON, GREATEST_HORIZON = 0.0002, 0.0012
+# Share of the thickness at which watched edges push each other apart.
 EDGE_THICKNESS = 0.5
+MAX_EDGE_PAIRS = 2048
+MAX_CROSSINGS_LISTED = 4096
 # Places in `ContactMemory.counts`.
-CANDIDATES, TRAVELLED, EDGE_CANDIDATES = 0, 1, 2
+CANDIDATES, TRAVELLED, CONTACTS, GOOD_UNTIL, CLEAN, PUT_BACK, UNSEEN, LAST_WAY = range(8)
+
+Singles = NDArray[np.float32]
 
 
 class ClothState(NamedTuple):
-    """Vertices now and at the start of the substep, metres, and their velocities; all (V, 3)."""
+    """Vertices now, at the start of the substep, and when last seen without crossings.
 
-    position: FloatArray
-    previous: FloatArray
-    velocity: FloatArray
+    All (V, 3): positions in metres, velocity in m/s.
+    """
+
+    position: Singles
+    previous: Singles
+    velocity: Singles
+    safe: Singles
 
 
 class Constraints(NamedTuple):
-    """The mesh as the kernels need it; see `SheetMesh`.
+    """The mesh as the kernels need it; see `SheetMesh` and `planes`.
 
-    `leg` is the length of the right angles' legs and `shortest_spans` the least distance of each
-    span's ends, metres.
+    Attributes:
+        triangles: Shape (T, 3).
+        vertices: Counts along x and y.
+        planes: Positions while constraints are satisfied; `bend` is memory like it.
+        length_x: Rest lengths along x, and `length_y` along y, at each pair's lower vertex.
+        leg: Length of the right angles' legs, metres.
+        shortest: How near a fold may bring two edges along x, two along y, and a diagonal, metres.
     """
 
     triangles: IndexArray
-    edges: IndexArray
-    edge_lengths: FloatArray
-    right_angles: IndexArray
-    leg: float
-    spans: IndexArray
-    shortest_spans: FloatArray
-    triples: IndexArray
+    vertices: tuple[int, int]
+    planes: Plane
+    bend: Plane
+    length_x: Plane
+    length_y: Plane
+    leg: np.float32
+    shortest: tuple[np.float32, np.float32, np.float32]
 
 
 class Held(NamedTuple):
@@ -58,95 +82,114 @@ class Held(NamedTuple):
     """
 
     vertices: IndexArray
-    start: FloatArray
-    end: FloatArray
-    reach: FloatArray
+    start: Singles
+    end: Singles
+    reach: Singles
 
 
 class ContactMemory(NamedTuple):
     """Pairs that may touch, and the memory to search them.
 
-    `counts` holds the number of pairs of vertex and triangle (-1: none searched yet), the way
-    travelled since the search, and the number of pairs of edges.
+    `counts` holds the number of candidates (-1: none searched yet), the way travelled since the
+    search, how many of them are contacts, the way up to which those are good, whether the cloth was
+    free of crossings when last looked at, how often a vertex has been put back for one, the way
+    travelled since that look, and the longest way of the last substep.
     """
 
-    cells: Cells
+    patches: Patches
     candidates: Candidates
-    kept: Candidates
-    edge_cells: Cells
-    edge_candidates: Candidates
-    counts: FloatArray
+    contacts: Contacts
+    edge_pairs: EdgePairs
+    crossings: IndexArray
+    counts: NDArray[np.float64]
 
 
 class StepSettings(NamedTuple):
-    """Numbers of a step: SI units; compliances times vertex mass over squared substep."""
+    """Numbers of a step: SI units; compliances times vertex mass over squared substep.
 
-    substep: float
+    `sheet` holds the counts of vertices along x and y, their spacings, and how far apart on the
+    flat sheet a vertex and a cell are that may collide.
+    """
+
+    substep: np.float32
     substeps: int
-    gravity: FloatArray
-    damping: float
-    max_speed: float
-    stretch_compliance: float
-    shear_compliance: float
-    bending_compliance: float
-    thickness: float
-    edge_thickness: float
-    margin: float
-    triangle_radius: float
-    longest_edge: float
-    cloth_friction: float
-    desk_friction: float
+    gravity: Singles
+    keep_speed: np.float32
+    max_speed: np.float32
+    stretch_compliance: np.float32
+    shear_compliance: np.float32
+    bending_compliance: np.float32
+    thickness: np.float32
+    edge_thickness: np.float32
+    margin: np.float32
+    sheet: tuple[int, int, np.float32, np.float32, np.float32]
+    cloth_friction: np.float32
+    desk_friction: np.float32
 
 
 def constraints_of(mesh: SheetMesh, config: ClothConfig) -> Constraints:
     """Arrange a mesh for the kernels."""
+    rows, columns = config.vertices
+    along_x = mesh.edges[:, 1] - mesh.edges[:, 0] == columns
+    lengths = np.zeros((2, rows * columns))
+    lengths[0, mesh.edges[along_x, 0]] = mesh.edge_lengths[along_x]
+    lengths[1, mesh.edges[~along_x, 0]] = mesh.edge_lengths[~along_x]
+    spacing_x, spacing_y = config.spacing
+    shortest = config.sharpest_fold * np.array(
+        [2.0 * spacing_x, 2.0 * spacing_y, math.hypot(spacing_x, spacing_y)]
+    )
     return Constraints(
-        mesh.triangles,
-        mesh.edges,
-        mesh.edge_lengths,
-        mesh.right_angles,
-        math.sqrt(config.spacing[0] * config.spacing[1]),
-        mesh.spans,
-        config.sharpest_fold * mesh.span_lengths,
-        mesh.triples,
+        triangles=mesh.triangles,
+        vertices=config.vertices,
+        planes=empty_planes(rows),
+        bend=empty_planes(rows),
+        length_x=to_plane(lengths[0].reshape(config.vertices)),
+        length_y=to_plane(lengths[1].reshape(config.vertices)),
+        leg=np.float32(math.sqrt(spacing_x * spacing_y)),
+        shortest=(np.float32(shortest[0]), np.float32(shortest[1]), np.float32(shortest[2])),
     )
 
 
-def contact_memory(mesh: SheetMesh, vertices: int, growth: int = 1) -> ContactMemory:
-    """Make memory for contacts; `growth` multiplies the length of the lists."""
+def contact_memory(config: ClothConfig, growth: int = 1) -> ContactMemory:
+    """Make memory for contacts; `growth` multiplies the length of the lists of pairs."""
+    size = 16 * growth * config.vertices[0] * config.vertices[1]
     return ContactMemory(
-        allocate_cells(len(mesh.triangles)),
-        allocate_candidates(16 * growth * vertices),
-        allocate_candidates(512),
-        allocate_cells(len(mesh.edges)),
-        allocate_candidates(32 * growth * vertices),
-        np.array([-1.0, 0.0, 0.0]),
+        make_patches(config.vertices),
+        allocate_candidates(size),
+        allocate_contacts(size),
+        allocate_edge_pairs(MAX_EDGE_PAIRS),
+        np.empty((MAX_CROSSINGS_LISTED, 5), dtype=np.int32),
+        np.array([-1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0]),
     )
 
 
 def step_settings(config: ClothConfig, substep: float) -> StepSettings:
     """Work out the numbers of a step from the config and the substep in seconds."""
-    spacing = max(config.spacing)
     scale = config.vertex_mass / substep**2
     area = config.spacing[0] * config.spacing[1]
     bending = area / config.bending_rigidity if config.bending_rigidity > 0 else math.inf
+    single = np.float32
     return StepSettings(
-        substep=substep,
+        substep=single(substep),
         substeps=config.mesh_substeps,
-        gravity=np.array(config.gravity, dtype=np.float64),
-        damping=config.damping,
-        max_speed=config.max_speed,
-        stretch_compliance=config.stretch_compliance * scale,
+        gravity=np.array(config.gravity, dtype=np.float32),
+        keep_speed=single(math.exp(-config.damping * substep)),
+        max_speed=single(config.max_speed),
+        stretch_compliance=single(config.stretch_compliance * scale),
         # A triangle stores half of the shear energy of its cell.
-        shear_compliance=2.0 * config.shear_compliance * scale,
-        bending_compliance=bending * scale,
-        thickness=config.thickness,
-        edge_thickness=EDGE_THICKNESS * config.thickness * config.edge_contact,
-        margin=CONTACT_MARGIN,
-        # Corners of a right-angled half cell lie within 2/3 of its median from its centre; the
-        # factor allows for a tenth of stretch.
-        triangle_radius=1.1 / 3.0 * math.hypot(2.0 * spacing, spacing),
-        longest_edge=1.15 * spacing,
-        cloth_friction=config.cloth_friction,
-        desk_friction=config.desk_friction,
+        shear_compliance=single(2.0 * config.shear_compliance * scale),
+        bending_compliance=single(min(bending * scale, 1e30)),
+        thickness=single(config.thickness),
+        edge_thickness=single(EDGE_THICKNESS * config.thickness),
+        margin=single(CONTACT_MARGIN),
+        sheet=(
+            *config.vertices,
+            single(config.spacing[0]),
+            single(config.spacing[1]),
+            # Neighbours never collide (their distance is kept by lengths and sharpness), nor does
+            # what is closer on the flat sheet than two layers are.
+            single(max(1.01 * max(config.spacing), 1.5 * config.thickness)),
+        ),
+        cloth_friction=single(config.cloth_friction),
+        desk_friction=single(config.desk_friction),
     )

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from emd_cloth_sim.constraints import (
     hold_lengths,
@@ -18,23 +20,36 @@ from emd_cloth_sim.constraints import (
     resist_bending,
     resist_shear,
 )
-from emd_cloth_sim.contact import collide_with_desk, collide_with_self
-from emd_cloth_sim.contact_search import find_candidates, remember_sides, restore_sides
-from emd_cloth_sim.edge_contact import collide_edges, find_edge_candidates
+from emd_cloth_sim.contact import collide_with_desk, collide_with_self, find_contacts
+from emd_cloth_sim.contact_search import find_candidates
+from emd_cloth_sim.crossings import EVERYWHERE, find_crossings, undo_crossings
+from emd_cloth_sim.edge_contact import collide_edges, forget_parted
+from emd_cloth_sim.planes import FAST, load_planes, store_planes
 from emd_cloth_sim.step_data import (
     CANDIDATES,
-    EDGE_CANDIDATES,
+    CLEAN,
+    CONTACT_SUBSTEPS,
+    CONTACTS,
+    GOOD_UNTIL,
+    GREATEST_HORIZON,
+    LAST_WAY,
+    LEAST_HORIZON,
+    PUT_BACK,
     TRAVELLED,
+    UNSEEN,
+    UNSEEN_WAY,
     ClothState,
     Constraints,
     ContactMemory,
     Held,
     StepSettings,
 )
-from emd_core.frames import FloatArray
+
+ONE, HALF = np.float32(1.0), np.float32(0.5)
+TINY = np.float32(1e-30)
 
 
-@njit(cache=True)
+@njit(**FAST)
 def advance_step(
     state: ClothState,
     constraints: Constraints,
@@ -45,137 +60,190 @@ def advance_step(
 ) -> int:
     """Run the substeps from `first` on of one step, in place.
 
-    Returns the first substep not done: less than `settings.substeps` only if the candidate lists
-    are too short; the caller enlarges them and calls again.
+    Returns the first substep not done: less than `settings.substeps` only if the candidate list
+    is too short; the caller enlarges it and calls again.
     """
     counts = memory.counts
     for s in range(first, settings.substeps):
-        if counts[CANDIDATES] < 0.0 or counts[TRAVELLED] > 0.8 * settings.margin:
+        if counts[CANDIDATES] < 0 or counts[TRAVELLED] > 0.8 * settings.margin:
+            undo(state, constraints, memory, settings)
             _search_contacts(state.position, constraints, memory, settings)
-            if counts[CANDIDATES] < 0.0:
+            if counts[CANDIDATES] < 0:
                 return s
         integrate(state, settings)
-        _satisfy_constraints(
-            state.position, constraints, held, settings, (s + 1.0) / settings.substeps
-        )
+        progress = np.float32((s + 1.0) / settings.substeps)
+        pull_to_hands(state.position, held.vertices, held.start, held.end, progress, held.reach)
+        _satisfy_constraints(state.position, constraints, settings)
         _collide(state, constraints, memory, settings)
-        counts[TRAVELLED] += 2.0 * update_velocity(state, settings.substep)
+        way = 2.0 * update_velocity(state, settings.substep, settings.max_speed)
+        counts[TRAVELLED] += way
+        counts[UNSEEN] += way
+        counts[LAST_WAY] = way
+    if counts[UNSEEN] > UNSEEN_WAY * settings.thickness:
+        undo(state, constraints, memory, settings)
     return settings.substeps
 
 
-@njit(cache=True)
+@njit(**FAST)
 def integrate(state: ClothState, settings: StepSettings) -> None:
-    """Advance the vertices freely, with damping and a speed cap."""
+    """Advance the vertices freely, with damping."""
     position, previous, velocity = state.position, state.previous, state.velocity
-    keep = math.exp(-settings.damping * settings.substep)
+    keep, substep = settings.keep_speed, settings.substep
+    x, y, z = (
+        keep * substep * settings.gravity[0],
+        keep * substep * settings.gravity[1],
+        keep * substep * settings.gravity[2],
+    )
     for v in range(position.shape[0]):
-        square = 0.0
-        for k in range(3):
-            velocity[v, k] = (velocity[v, k] + settings.substep * settings.gravity[k]) * keep
-            square += velocity[v, k] * velocity[v, k]
-        scale = 1.0
-        if square > settings.max_speed * settings.max_speed:
-            scale = settings.max_speed / math.sqrt(square)
-        for k in range(3):
-            previous[v, k] = position[v, k]
-            position[v, k] += settings.substep * scale * velocity[v, k]
+        previous[v, 0], previous[v, 1], previous[v, 2] = (
+            position[v, 0],
+            position[v, 1],
+            position[v, 2],
+        )
+        position[v, 0] += substep * (keep * velocity[v, 0] + x)
+        position[v, 1] += substep * (keep * velocity[v, 1] + y)
+        position[v, 2] += substep * (keep * velocity[v, 2] + z)
 
 
-@njit(cache=True)
-def update_velocity(state: ClothState, substep: float) -> float:
-    """Take the velocity from the motion of the substep; returns the longest way, metres."""
+@njit(**FAST)
+def update_velocity(state: ClothState, substep: np.float32, max_speed: np.float32) -> float:
+    """Take the velocity from the motion of the substep, at most `max_speed`, m/s.
+
+    Returns the longest way, metres.
+    """
     position, previous, velocity = state.position, state.previous, state.velocity
-    longest = 0.0
+    rate = ONE / substep
+    longest = np.float32(0.0)
     for v in range(position.shape[0]):
-        square = 0.0
-        for k in range(3):
-            way = position[v, k] - previous[v, k]
-            velocity[v, k] = way / substep
-            square += way * way
-        longest = max(longest, square)
-    return math.sqrt(longest)
+        x = position[v, 0] - previous[v, 0]
+        y = position[v, 1] - previous[v, 1]
+        z = position[v, 2] - previous[v, 2]
+        velocity[v, 0], velocity[v, 1], velocity[v, 2] = rate * x, rate * y, rate * z
+        longest = max(longest, x * x + y * y + z * z)
+    longest = math.sqrt(longest)
+    if longest * rate > max_speed:
+        _cap_speed(velocity, max_speed)
+    return longest
 
 
-@njit(cache=True)
+@njit(**FAST)
+def _cap_speed(velocity: NDArray[np.float32], max_speed: np.float32) -> None:
+    for v in range(velocity.shape[0]):
+        speed = math.sqrt(velocity[v, 0] ** 2 + velocity[v, 1] ** 2 + velocity[v, 2] ** 2)
+        if speed > max_speed:
+            for k in range(3):
+                velocity[v, k] *= max_speed / speed
+
+
+@njit(**FAST)
 def _satisfy_constraints(
-    position: FloatArray,
-    constraints: Constraints,
-    held: Held,
-    settings: StepSettings,
-    progress: float,
+    position: NDArray[np.float32], constraints: Constraints, settings: StepSettings
 ) -> None:
     """Sweep once over each kind of constraint, the stiffest last."""
-    pull_to_hands(position, held.vertices, held.start, held.end, progress, held.reach)
-    resist_bending(position, constraints.triples, settings.bending_compliance)
-    limit_sharpness(position, constraints.spans, constraints.shortest_spans)
-    resist_shear(position, constraints.right_angles, constraints.leg, settings.shear_compliance)
+    rows, columns = constraints.vertices
+    planes, shortest = constraints.planes, constraints.shortest
+    load_planes(position, planes, rows, columns)
+    resist_bending(planes, constraints.bend, rows, columns, settings.bending_compliance)
+    limit_sharpness(planes, rows, columns, shortest[0], shortest[1], shortest[2])
+    resist_shear(planes, rows, columns, constraints.leg, settings.shear_compliance)
     hold_lengths(
-        position, constraints.edges, constraints.edge_lengths, settings.stretch_compliance
+        planes,
+        constraints.length_x,
+        constraints.length_y,
+        rows,
+        columns,
+        settings.stretch_compliance,
     )
+    store_planes(planes, position, rows, columns)
 
 
-@njit(cache=True)
+@njit(**FAST)
 def _collide(
     state: ClothState, constraints: Constraints, memory: ContactMemory, settings: StepSettings
 ) -> None:
     """Resolve contacts; the desk comes last, so that nothing ever sinks into it."""
     counts = memory.counts
+    if counts[TRAVELLED] > counts[GOOD_UNTIL]:
+        # The substep under way is counted when it is over, so the horizon covers one more.
+        horizon = (CONTACT_SUBSTEPS + 1) * counts[LAST_WAY]
+        horizon = min(max(horizon, LEAST_HORIZON), GREATEST_HORIZON)
+        counts[GOOD_UNTIL] = counts[TRAVELLED] + horizon - counts[LAST_WAY]
+        counts[CONTACTS] = find_contacts(
+            state.position,
+            constraints.triangles,
+            memory.candidates,
+            int(counts[CANDIDATES]),
+            np.float32(counts[TRAVELLED]),
+            np.float32(horizon),
+            settings.thickness,
+            memory.contacts,
+        )
     collide_with_self(
         state.position,
         state.previous,
-        constraints.triangles,
-        memory.candidates,
-        int(counts[CANDIDATES]),
-        counts[TRAVELLED],
+        memory.contacts,
+        int(counts[CONTACTS]),
         settings.thickness,
         settings.cloth_friction,
     )
-    collide_edges(
-        state.position,
-        constraints.edges,
-        memory.edge_candidates,
-        int(counts[EDGE_CANDIDATES]),
-        counts[TRAVELLED],
-        settings.edge_thickness,
-    )
+    collide_edges(state.position, memory.edge_pairs, settings.edge_thickness)
     collide_with_desk(
-        state.position, state.previous, 0.5 * settings.thickness, settings.desk_friction
+        state.position, state.previous, HALF * settings.thickness, settings.desk_friction
     )
 
 
-@njit(cache=True)
+@njit(**FAST)
+def undo(
+    state: ClothState, constraints: Constraints, memory: ContactMemory, settings: StepSettings
+) -> None:
+    """Undo crossings that have come up since the last time; if there were some, look on."""
+    rows, columns = constraints.vertices
+    memory.counts[UNSEEN] = 0.0
+    if memory.counts[CLEAN] > 0:
+        memory.counts[PUT_BACK] += undo_crossings(
+            state.position,
+            state.velocity,
+            state.safe,
+            constraints.triangles,
+            rows,
+            columns,
+            memory.patches,
+            memory.crossings,
+            memory.edge_pairs,
+        )
+        forget_parted(state.position, memory.edge_pairs, settings.edge_thickness)
+        return
+    crossings = find_crossings(
+        state.position,
+        constraints.triangles,
+        rows,
+        columns,
+        memory.patches,
+        EVERYWHERE,
+        memory.crossings,
+    )
+    if crossings == 0:
+        memory.counts[CLEAN] = 1.0
+        state.safe[:] = state.position
+
+
+@njit(**FAST)
 def _search_contacts(
-    position: FloatArray,
+    position: NDArray[np.float32],
     constraints: Constraints,
     memory: ContactMemory,
     settings: StepSettings,
 ) -> None:
     """Search the pairs that can touch before the cloth has travelled by the margin."""
     counts = memory.counts
-    triangles = constraints.triangles
-    known = int(max(counts[CANDIDATES], 0.0))
-    kept_count = remember_sides(position, triangles, memory.candidates, known, memory.kept)
-    count = find_candidates(
+    counts[CANDIDATES] = find_candidates(
         position,
-        triangles,
+        constraints.triangles,
+        settings.sheet,
         settings.thickness + settings.margin,
         settings.thickness,
-        settings.triangle_radius,
-        memory.cells,
+        memory.patches,
         memory.candidates,
     )
-    restore_sides(memory.candidates, count, memory.kept, kept_count)
-    edge_count = 0
-    if settings.edge_thickness > 0.0:
-        edge_count = find_edge_candidates(
-            position,
-            constraints.edges,
-            settings.edge_thickness + settings.margin,
-            settings.edge_thickness,
-            settings.longest_edge,
-            memory.edge_cells,
-            memory.edge_candidates,
-        )
-    counts[CANDIDATES] = count if edge_count >= 0 else -1
     counts[TRAVELLED] = 0.0
-    counts[EDGE_CANDIDATES] = edge_count
+    counts[GOOD_UNTIL] = -1.0
