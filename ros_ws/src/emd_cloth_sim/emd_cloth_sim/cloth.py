@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from emd_cloth_sim.config import ClothConfig
 from emd_cloth_sim.diagnostics import ClothDiagnostics, diagnose
 from emd_cloth_sim.hand import Hand, check_transform
-from emd_cloth_sim.mesh import build_mesh, flat_positions
+from emd_cloth_sim.hinges import hinge_angles
+from emd_cloth_sim.mesh import build_mesh, flat_positions, pair_lengths
 from emd_cloth_sim.step_data import (
     ClothState,
     Held,
@@ -34,7 +35,7 @@ class Cloth:
         self.config = config or ClothConfig()
         self.mesh = build_mesh(self.config.vertices, self.config.spacing)
         self._position = flat_positions(self.config.vertices, self.config.side_lengths)
-        self._position[:, 2] = 0.5 * self.config.thickness
+        self._position[:, 2] = self.config.rest_height
         self._velocity = np.zeros_like(self._position)
         self._state = ClothState(self._position, self._position.copy(), self._velocity)
         self._constraints = constraints_of(self.mesh, self.config)
@@ -47,9 +48,10 @@ class Cloth:
     def from_positions(
         cls, positions_in_table: FloatArray, config: ClothConfig | None = None
     ) -> Cloth:
-        """Start at rest from mid-surface positions, shape (V, 3), metres; the rest shape is flat.
+        """Start at rest from mid-surface positions, shape (V, 3), metres.
 
-        Vertex (i, j) of the mesh has the index i * vertices[1] + j.
+        The rest shape is flat; a plastic cloth's is the given one. Vertex (i, j) of the mesh has
+        the index i * vertices[1] + j.
 
         Raises:
             InvalidInputError: If the shape does not fit the config or a value is not finite.
@@ -65,7 +67,21 @@ class Cloth:
             raise InvalidInputError("positions must be finite, got NaN or infinity")
         cloth._position[:] = positions
         cloth._slow_time = 0.0
+        cloth.take_rest_shape()
         return cloth
+
+    def take_rest_shape(self) -> None:
+        """Make a plastic cloth's present lengths and angles those of rest; no other's change."""
+        if not self.config.plastic:
+            return
+        held = self._constraints
+        held.edge_lengths[:] = pair_lengths(self._position, held.edges)
+        held.diagonal_lengths[:] = pair_lengths(self._position, held.diagonals)
+        held.hinge_angles[:] = hinge_angles(self._position, held.hinges)
+
+    def stop(self) -> None:
+        """Take all motion out of the cloth."""
+        self._velocity[:] = 0.0
 
     @property
     def positions_in_table(self) -> FloatArray:
@@ -176,7 +192,13 @@ class Cloth:
         Raises:
             SimulationError: If asked to and it cannot.
         """
-        result = diagnose(self._position, self.mesh, self.config.thickness)
+        result = diagnose(
+            self._position,
+            self.mesh,
+            self.config.thickness,
+            self._constraints.edge_lengths,
+            self.config.desk_gap,
+        )
         if raise_on_failure:
             result.raise_on_failure()
         return result

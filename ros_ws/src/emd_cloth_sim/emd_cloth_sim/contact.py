@@ -29,6 +29,7 @@ def collide_with_self(
     travelled: float,
     thickness: float,
     friction: float,
+    separation: float,
 ) -> None:
     """Push vertices and triangles that are closer than `thickness` apart, with friction.
 
@@ -79,6 +80,7 @@ def collide_with_self(
             (x * sign, y * sign, z * sign),
             min(thickness - gap, thickness),
             friction,
+            separation,
         )
 
 
@@ -91,8 +93,12 @@ def _push_apart(
     normal: tuple[float, float, float],
     depth: float,
     friction: float,
+    separation: float,
 ) -> None:
-    """Move a vertex and a triangle of equal masses apart by `depth`, and brake their sliding."""
+    """Move a vertex and a triangle of equal masses apart by `depth`, and brake their sliding.
+
+    By no more than their approach and `separation` (metres in a substep).
+    """
     v, a, b, c = corners
     wa, wb, wc = weights
     nx, ny, nz = normal
@@ -101,6 +107,7 @@ def _push_apart(
     sy = _relative_way(position, previous, v, a, b, c, wa, wb, wc, 1)
     sz = _relative_way(position, previous, v, a, b, c, wa, wb, wc, 2)
     along = sx * nx + sy * ny + sz * nz
+    depth = min(depth, max(-along, 0.0) + separation)
     sx -= along * nx
     sy -= along * ny
     sz -= along * nz
@@ -150,14 +157,18 @@ def _relative_way(
 
 @njit(cache=True)
 def collide_with_desk(
-    position: FloatArray, previous: FloatArray, height: float, friction: float
+    position: FloatArray, previous: FloatArray, height: float, friction: float, separation: float
 ) -> None:
-    """Keep vertices at least `height` over the desk (z = 0) and brake their sliding on it."""
+    """Keep vertices at least `height` over the desk (z = 0) and brake their sliding on it.
+
+    A vertex that is too low rises by no more than `separation` (metres in a substep).
+    """
     for v in range(position.shape[0]):
         depth = height - position[v, 2]
         if depth <= 0.0:
             continue
-        position[v, 2] = height
+        depth = min(depth, max(previous[v, 2] - position[v, 2], 0.0) + separation)
+        position[v, 2] += depth
         x = position[v, 0] - previous[v, 0]
         y = position[v, 1] - previous[v, 1]
         slide = math.sqrt(x * x + y * y)

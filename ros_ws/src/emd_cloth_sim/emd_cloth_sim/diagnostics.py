@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from emd_cloth_sim.broad_phase import Cells, allocate_cells, sort_into_cells
-from emd_cloth_sim.mesh import IndexArray, SheetMesh
+from emd_cloth_sim.mesh import IndexArray, SheetMesh, pair_lengths
 from emd_core.errors import SimulationError
 from emd_core.frames import FloatArray
 
@@ -63,17 +63,31 @@ class ClothDiagnostics:
             )
 
 
-def diagnose(position: FloatArray, mesh: SheetMesh, thickness: float) -> ClothDiagnostics:
-    """Examine mid-surface positions, shape (V, 3), metres."""
+def diagnose(
+    position: FloatArray,
+    mesh: SheetMesh,
+    thickness: float,
+    edge_lengths: FloatArray | None = None,
+    desk_gap: float = 0.0,
+) -> ClothDiagnostics:
+    """Examine mid-surface positions, shape (V, 3), metres.
+
+    Args:
+        position: The vertices.
+        mesh: The sheet's mesh.
+        thickness: Distance that two layers keep, metres.
+        edge_lengths: Rest lengths of the mesh's edges, metres; the flat sheet's if None.
+        desk_gap: Height over the desk at which the cloth's underside rests, metres.
+    """
     if not np.isfinite(position).all():
         return ClothDiagnostics(np.inf, np.inf, 0, np.inf, False)
-    ends = position[mesh.edges]
-    ratio = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / mesh.edge_lengths
+    lengths = mesh.edge_lengths if edge_lengths is None else edge_lengths
+    ratio = pair_lengths(position, mesh.edges) / lengths
     return ClothDiagnostics(
         stretch_p99=float(np.percentile(ratio, 99)),
         worst_stretch=float(ratio.max()),
         crossings=count_crossings(position, mesh),
-        desk_depth=float(max(0.0, 0.5 * thickness - position[:, 2].min())),
+        desk_depth=float(max(0.0, desk_gap + 0.5 * thickness - position[:, 2].min())),
         finite=True,
     )
 

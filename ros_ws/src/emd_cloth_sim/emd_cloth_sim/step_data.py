@@ -14,7 +14,8 @@ from emd_cloth_sim.broad_phase import (
     allocate_cells,
 )
 from emd_cloth_sim.config import ClothConfig
-from emd_cloth_sim.mesh import IndexArray, SheetMesh
+from emd_cloth_sim.hinges import cell_hinges
+from emd_cloth_sim.mesh import IndexArray, SheetMesh, cell_diagonals
 from emd_core.frames import FloatArray
 
 # Way that the cloth may travel before the pairs that can touch are searched again, metres: a
@@ -22,6 +23,10 @@ from emd_core.frames import FloatArray
 CONTACT_MARGIN = 0.004
 # Share of the thickness at which edges push each other apart.
 EDGE_THICKNESS = 0.5
+# Explicit hinges: the square of their fastest swing's frequency in units of rigidity over mass and
+# squared spacing (a chequered sheet's), and the phase that may pass between two evaluations.
+HINGE_STIFFENING = 32.0
+HINGE_PHASE = 0.5
 # Places in `ContactMemory.counts`.
 CANDIDATES, TRAVELLED, EDGE_CANDIDATES = 0, 1, 2
 
@@ -38,7 +43,9 @@ class Constraints(NamedTuple):
     """The mesh as the kernels need it; see `SheetMesh`.
 
     `leg` is the length of the right angles' legs and `shortest_spans` the least distance of each
-    span's ends, metres.
+    span's ends, metres. Diagonals are those of `springs`; a hinge has its rest angle in radians
+    and a gain, in 1/m, that makes accelerations of bending rigidity over mass. What a config does
+    not use is empty.
     """
 
     triangles: IndexArray
@@ -49,6 +56,12 @@ class Constraints(NamedTuple):
     spans: IndexArray
     shortest_spans: FloatArray
     triples: IndexArray
+    diagonals: IndexArray
+    diagonal_lengths: FloatArray
+    hinges: IndexArray
+    hinge_angles: FloatArray
+    hinge_gains: FloatArray
+    hinge_accelerations: FloatArray
 
 
 class Held(NamedTuple):
@@ -96,20 +109,49 @@ class StepSettings(NamedTuple):
     longest_edge: float
     cloth_friction: float
     desk_friction: float
+    springs: bool
+    squeeze_compliance: float
+    internal_damping: float
+    hinge_stiffness: float
+    hinge_interval: int
+    separation: float
+    rest_height: float
 
 
 def constraints_of(mesh: SheetMesh, config: ClothConfig) -> Constraints:
-    """Arrange a mesh for the kernels."""
+    """Arrange a mesh for the kernels; lengths and angles at rest are the flat sheet's, copies."""
+    springs, hinged = config.membrane == "springs", config.bending == "hinges"
+    limited = config.sharpest_fold > 0.0
+    diagonals, diagonal_lengths = cell_diagonals(mesh)
+    hinges, gains = _hinges(config)
     return Constraints(
         mesh.triangles,
         mesh.edges,
-        mesh.edge_lengths,
-        mesh.right_angles,
+        mesh.edge_lengths.copy(),
+        mesh.right_angles[: None if not springs else 0],
         math.sqrt(config.spacing[0] * config.spacing[1]),
-        mesh.spans,
+        mesh.spans[: None if limited else 0],
         config.sharpest_fold * mesh.span_lengths,
-        mesh.triples,
+        mesh.triples[: None if not hinged else 0],
+        diagonals[: None if springs else 0],
+        diagonal_lengths.copy(),
+        hinges,
+        np.zeros(len(hinges)),
+        gains,
+        np.zeros((int(np.prod(config.vertices)) if hinged else 0, 3)),
     )
+
+
+def _hinges(config: ClothConfig) -> tuple[IndexArray, FloatArray]:
+    """Hinges and their gains: rigidity times length of the side over squared width of a cell."""
+    if config.bending != "hinges":
+        return np.empty((0, 6), np.int32), np.empty(0)
+    hinges = cell_hinges(config.vertices)
+    x, y = config.spacing
+    across_x = (config.vertices[0] - 2) * (config.vertices[1] - 1)
+    gains = np.full(len(hinges), 0.5 * x / y**2)
+    gains[:across_x] = 0.5 * y / x**2
+    return hinges, gains
 
 
 def contact_memory(mesh: SheetMesh, vertices: int, growth: int = 1) -> ContactMemory:
@@ -129,6 +171,7 @@ def step_settings(config: ClothConfig, substep: float) -> StepSettings:
     spacing = max(config.spacing)
     scale = config.vertex_mass / substep**2
     area = config.spacing[0] * config.spacing[1]
+    hinge_stiffness = config.bending_rigidity / config.vertex_mass
     bending = area / config.bending_rigidity if config.bending_rigidity > 0 else math.inf
     return StepSettings(
         substep=substep,
@@ -149,4 +192,20 @@ def step_settings(config: ClothConfig, substep: float) -> StepSettings:
         longest_edge=1.15 * spacing,
         cloth_friction=config.cloth_friction,
         desk_friction=config.desk_friction,
+        springs=config.membrane == "springs",
+        squeeze_compliance=config.squeeze_ratio * config.stretch_compliance * scale,
+        internal_damping=config.internal_damping / substep,
+        hinge_stiffness=hinge_stiffness,
+        hinge_interval=_hinge_interval(config, substep),
+        separation=config.separation_speed * substep,
+        rest_height=config.rest_height,
     )
+
+
+def _hinge_interval(config: ClothConfig, substep: float) -> int:
+    """Substeps between two evaluations of the hinges: a small share of their fastest swing."""
+    if config.bending_rigidity == 0.0:
+        return config.mesh_substeps
+    stiffness = config.bending_rigidity / config.vertex_mass
+    fastest = math.sqrt(HINGE_STIFFENING * stiffness / min(config.spacing) ** 2)
+    return int(min(max(HINGE_PHASE / (fastest * substep), 1.0), config.mesh_substeps))

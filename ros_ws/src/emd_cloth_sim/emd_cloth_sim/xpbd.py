@@ -21,6 +21,8 @@ from emd_cloth_sim.constraints import (
 from emd_cloth_sim.contact import collide_with_desk, collide_with_self
 from emd_cloth_sim.contact_search import find_candidates, remember_sides, restore_sides
 from emd_cloth_sim.edge_contact import collide_edges, find_edge_candidates
+from emd_cloth_sim.hinges import turn_hinges
+from emd_cloth_sim.springs import hold_damped_lengths
 from emd_cloth_sim.step_data import (
     CANDIDATES,
     EDGE_CANDIDATES,
@@ -54,18 +56,31 @@ def advance_step(
             _search_contacts(state.position, constraints, memory, settings)
             if counts[CANDIDATES] < 0.0:
                 return s
-        integrate(state, settings)
-        _satisfy_constraints(
-            state.position, constraints, held, settings, (s + 1.0) / settings.substeps
-        )
+        if constraints.hinges.shape[0] > 0 and s % settings.hinge_interval == 0:
+            turn_hinges(
+                state.position,
+                constraints.hinges,
+                constraints.hinge_angles,
+                constraints.hinge_gains,
+                settings.hinge_stiffness,
+                constraints.hinge_accelerations,
+            )
+        integrate(state, constraints.hinge_accelerations, settings)
+        _satisfy_constraints(state, constraints, held, settings, (s + 1.0) / settings.substeps)
         _collide(state, constraints, memory, settings)
         counts[TRAVELLED] += 2.0 * update_velocity(state, settings.substep)
     return settings.substeps
 
 
 @njit(cache=True)
-def integrate(state: ClothState, settings: StepSettings) -> None:
-    """Advance the vertices freely, with damping and a speed cap."""
+def integrate(state: ClothState, acceleration: FloatArray, settings: StepSettings) -> None:
+    """Advance the vertices freely, with damping and a speed cap.
+
+    `acceleration` (V, 3), m/s^2, comes on top of gravity; (0, 3) if there is none.
+    """
+    for v in range(acceleration.shape[0]):
+        for k in range(3):
+            state.velocity[v, k] += settings.substep * acceleration[v, k]
     position, previous, velocity = state.position, state.previous, state.velocity
     keep = math.exp(-settings.damping * settings.substep)
     for v in range(position.shape[0]):
@@ -98,19 +113,46 @@ def update_velocity(state: ClothState, substep: float) -> float:
 
 @njit(cache=True)
 def _satisfy_constraints(
-    position: FloatArray,
+    state: ClothState,
     constraints: Constraints,
     held: Held,
     settings: StepSettings,
     progress: float,
 ) -> None:
     """Sweep once over each kind of constraint, the stiffest last."""
+    position = state.position
     pull_to_hands(position, held.vertices, held.start, held.end, progress, held.reach)
     resist_bending(position, constraints.triples, settings.bending_compliance)
     limit_sharpness(position, constraints.spans, constraints.shortest_spans)
+    if settings.springs:
+        _hold_springs(state, constraints, settings)
+        return
     resist_shear(position, constraints.right_angles, constraints.leg, settings.shear_compliance)
     hold_lengths(
         position, constraints.edges, constraints.edge_lengths, settings.stretch_compliance
+    )
+
+
+@njit(cache=True)
+def _hold_springs(state: ClothState, constraints: Constraints, settings: StepSettings) -> None:
+    """Sweep over the damped springs of diagonals, which only pull, and of sides."""
+    hold_damped_lengths(
+        state.position,
+        state.previous,
+        constraints.diagonals,
+        constraints.diagonal_lengths,
+        settings.shear_compliance,
+        -1.0,
+        settings.internal_damping,
+    )
+    hold_damped_lengths(
+        state.position,
+        state.previous,
+        constraints.edges,
+        constraints.edge_lengths,
+        settings.stretch_compliance,
+        settings.squeeze_compliance,
+        settings.internal_damping,
     )
 
 
@@ -129,6 +171,7 @@ def _collide(
         counts[TRAVELLED],
         settings.thickness,
         settings.cloth_friction,
+        settings.separation,
     )
     collide_edges(
         state.position,
@@ -139,7 +182,11 @@ def _collide(
         settings.edge_thickness,
     )
     collide_with_desk(
-        state.position, state.previous, 0.5 * settings.thickness, settings.desk_friction
+        state.position,
+        state.previous,
+        settings.rest_height,
+        settings.desk_friction,
+        settings.separation,
     )
 
 
