@@ -29,7 +29,7 @@ def collide_with_self(
     travelled: float,
     thickness: float,
     friction: float,
-    separation: float,
+    separation: float = math.inf,
 ) -> None:
     """Push vertices and triangles that are closer than `thickness` apart, with friction.
 
@@ -157,7 +157,11 @@ def _relative_way(
 
 @njit(cache=True)
 def collide_with_desk(
-    position: FloatArray, previous: FloatArray, height: float, friction: float, separation: float
+    position: FloatArray,
+    previous: FloatArray,
+    height: float,
+    friction: float,
+    separation: float = math.inf,
 ) -> None:
     """Keep vertices at least `height` over the desk (z = 0) and brake their sliding on it.
 
