@@ -217,6 +217,9 @@ class Cloth:
     def _advance_step(self, duration: float, start: float, end: float) -> None:
         substep = duration / self.config.mesh_substeps
         held = self._held(start, end, substep)
+        if math.isinf(self.config.grip_force):
+            self._constraints.mobility[:] = 1.0
+            self._constraints.mobility[held.vertices] = 0.0
         settings = step_settings(self.config, substep)
         first = 0
         while True:

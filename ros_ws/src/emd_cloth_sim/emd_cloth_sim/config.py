@@ -46,7 +46,8 @@ class ClothConfig:
             0.025 normalised, 0.0071 m.
         grasp_height_tolerance: Vertical reach up and down: generous, so that a hand takes all
             layers at its spot (paper, IV-B).
-        grip_force: Force at which cloth slips after its hand instead of being torn, N.
+        grip_force: Force at which cloth slips after its hand instead of being torn, N; infinite
+            for a rigid grip, which neither springs nor contacts move.
         press_force: The same downwards: fingertips cannot push slack cloth into a pile, N.
         edge_contact: Whether edges collide with edges too, not only vertices with triangles. It
             halves the rate of small crossings in crumpled piles and doubles the cost.
@@ -58,6 +59,8 @@ class ClothConfig:
             those of a side and of a diagonal.
         squeeze_ratio: Compliance of a shortened side over that of a stretched one; `springs` only.
         internal_damping: Retardation time of the springs, seconds; `springs` only.
+        spring_sweeps: Sweeps over the springs in a substep, at least 1: the more, the farther a
+            pull is felt within it; `springs` only.
         bending: `rows`: three vertices in a row seek a straight line. `hinges`: cells seek their
             rest angle about the side they share (`hinges`).
         plastic: Whether a manipulation leaves its shape in the cloth: every `take_rest_shape`
@@ -94,6 +97,7 @@ class ClothConfig:
     membrane: str = "weave"
     squeeze_ratio: float = 1.0
     internal_damping: float = 0.0
+    spring_sweeps: int = 1
     bending: str = "rows"
     plastic: bool = False
     desk_gap: float = 0.0
@@ -127,8 +131,16 @@ class ClothConfig:
             raise InvalidInputError(
                 f"separation_speed must be positive, got {self.separation_speed}"
             )
-        if self.substeps < 1:
-            raise InvalidInputError(f"substeps must be at least 1, got {self.substeps}")
+        if min(self.substeps, self.spring_sweeps) < 1:
+            raise InvalidInputError(
+                f"substeps and spring_sweeps must be at least 1, got {self.substeps} and "
+                f"{self.spring_sweeps}"
+            )
+        if not min(self.grip_force, self.press_force) > 0:
+            raise InvalidInputError(
+                f"grip_force and press_force must be positive, got {self.grip_force} and "
+                f"{self.press_force}"
+            )
         if self.thickness > 0.6 * min(self.spacing) + 1e-9:
             raise InvalidInputError(
                 f"thickness {self.thickness} m must be at most 0.6 of the vertex spacing "
@@ -215,8 +227,6 @@ _POSITIVE = (
     "step",
     "grasp_radius",
     "grasp_height_tolerance",
-    "grip_force",
-    "press_force",
     "settle_speed",
     "settle_time",
     "squeeze_ratio",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -32,7 +33,7 @@ REFERENCE = ClothPreset(
         thickness=0.0020,
         stretch_compliance=0.058,
         shear_compliance=0.058,
-        bending_rigidity=1.9e-6,
+        bending_rigidity=5.7e-6,
         sharpest_fold=0.0,
         desk_friction=0.6,
         cloth_friction=0.4,
@@ -41,11 +42,12 @@ REFERENCE = ClothPreset(
         step=0.01761 / 4,
         grasp_radius=0.025 * 0.40 / 1.4,
         grasp_height_tolerance=0.2,
-        grip_force=1e6,
-        press_force=1e6,
+        grip_force=math.inf,
+        press_force=math.inf,
         membrane="springs",
         squeeze_ratio=0.67,
         internal_damping=0.002,
+        spring_sweeps=3,
         bending="hinges",
         plastic=True,
         desk_gap=0.0352 * 0.40 / 1.4 - 0.0010,

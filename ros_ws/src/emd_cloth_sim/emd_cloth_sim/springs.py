@@ -19,21 +19,25 @@ from emd_core.frames import FloatArray
 def hold_damped_lengths(
     position: FloatArray,
     previous: FloatArray,
+    mobility: FloatArray,
     pairs: IndexArray,
     lengths: FloatArray,
+    multipliers: FloatArray,
     stretch_compliance: float,
     squeeze_compliance: float,
     damping: float,
 ) -> None:
-    """Pull pairs of equal masses to their rest lengths, against their lengths' rate of change.
+    """Pull pairs to their rest lengths, against their lengths' rate of change.
 
-    Damped XPBD constraints (Macklin et al., "XPBD", 2016, eq. 26).
+    One sweep over damped XPBD constraints (Macklin et al., "XPBD", 2016, eq. 26).
 
     Args:
         position: Vertices (V, 3), metres; changed.
         previous: Vertices at the start of the substep.
+        mobility: Inverse masses over that of a free vertex, (V,): 0 for those in a rigid grip.
         pairs: Vertices of each spring, (C, 2).
         lengths: Rest lengths (C,), metres.
+        multipliers: What the sweeps of this substep have pulled so far, (C,), metres; changed.
         stretch_compliance: Of a spring longer than at rest; scaled, no unit.
         squeeze_compliance: Of a shorter one; negative: a shorter spring is slack.
         damping: Retardation time (damping over stiffness) over the substep; no unit.
@@ -45,7 +49,8 @@ def hold_damped_lengths(
         y = position[b, 1] - position[a, 1]
         z = position[b, 2] - position[a, 2]
         length = math.sqrt(x * x + y * y + z * z)
-        if length < 1e-9:
+        one, other = mobility[a], mobility[b]
+        if length < 1e-9 or one + other == 0.0:
             continue
         compliance = stretch_compliance
         if length < lengths[c]:
@@ -57,11 +62,13 @@ def hold_damped_lengths(
             + y * (previous[b, 1] - previous[a, 1])
             + z * (previous[b, 2] - previous[a, 2])
         ) / length
-        error = length - lengths[c] + damping * (length - before)
-        pull = error / ((2.0 * (1.0 + damping) + compliance) * length)
-        position[a, 0] += pull * x
-        position[a, 1] += pull * y
-        position[a, 2] += pull * z
-        position[b, 0] -= pull * x
-        position[b, 1] -= pull * y
-        position[b, 2] -= pull * z
+        error = length - lengths[c] + damping * (length - before) - compliance * multipliers[c]
+        pull = error / ((one + other) * (1.0 + damping) + compliance)
+        multipliers[c] += pull
+        pull /= length
+        position[a, 0] += one * pull * x
+        position[a, 1] += one * pull * y
+        position[a, 2] += one * pull * z
+        position[b, 0] -= other * pull * x
+        position[b, 1] -= other * pull * y
+        position[b, 2] -= other * pull * z

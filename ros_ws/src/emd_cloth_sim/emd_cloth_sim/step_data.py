@@ -43,7 +43,8 @@ class Constraints(NamedTuple):
     """The mesh as the kernels need it; see `SheetMesh`.
 
     `leg` is the length of the right angles' legs and `shortest_spans` the least distance of each
-    span's ends, metres. Diagonals are those of `springs`; a hinge has its rest angle in radians
+    span's ends, metres. Diagonals are those of `springs`, `multipliers` a place for
+    each side and diagonal, and `mobility` (V,) is 0 for vertices in a rigid grip; a hinge has its rest angle in radians
     and a gain, in 1/m, that makes accelerations of bending rigidity over mass. What a config does
     not use is empty.
     """
@@ -58,6 +59,8 @@ class Constraints(NamedTuple):
     triples: IndexArray
     diagonals: IndexArray
     diagonal_lengths: FloatArray
+    multipliers: FloatArray
+    mobility: FloatArray
     hinges: IndexArray
     hinge_angles: FloatArray
     hinge_gains: FloatArray
@@ -112,6 +115,8 @@ class StepSettings(NamedTuple):
     springs: bool
     squeeze_compliance: float
     internal_damping: float
+    spring_sweeps: int
+    rigid_grip: bool
     hinge_stiffness: float
     hinge_interval: int
     separation: float
@@ -135,6 +140,8 @@ def constraints_of(mesh: SheetMesh, config: ClothConfig) -> Constraints:
         mesh.triples[: None if not hinged else 0],
         diagonals[: None if springs else 0],
         diagonal_lengths.copy(),
+        np.zeros(len(mesh.edges) + len(diagonals) if springs else 0),
+        np.ones(int(np.prod(config.vertices))),
         hinges,
         np.zeros(len(hinges)),
         gains,
@@ -195,6 +202,8 @@ def step_settings(config: ClothConfig, substep: float) -> StepSettings:
         springs=config.membrane == "springs",
         squeeze_compliance=config.squeeze_ratio * config.stretch_compliance * scale,
         internal_damping=config.internal_damping / substep,
+        spring_sweeps=config.spring_sweeps,
+        rigid_grip=math.isinf(config.grip_force),
         hinge_stiffness=hinge_stiffness,
         hinge_interval=_hinge_interval(config, substep),
         separation=config.separation_speed * substep,

@@ -68,6 +68,15 @@ def advance_step(
         integrate(state, constraints.hinge_accelerations, settings)
         _satisfy_constraints(state, constraints, held, settings, (s + 1.0) / settings.substeps)
         _collide(state, constraints, memory, settings)
+        if settings.rigid_grip:
+            pull_to_hands(
+                state.position,
+                held.vertices,
+                held.start,
+                held.end,
+                (s + 1.0) / settings.substeps,
+                held.reach,
+            )
         counts[TRAVELLED] += 2.0 * update_velocity(state, settings.substep)
     return settings.substeps
 
@@ -136,24 +145,32 @@ def _satisfy_constraints(
 @njit(cache=True)
 def _hold_springs(state: ClothState, constraints: Constraints, settings: StepSettings) -> None:
     """Sweep over the damped springs of diagonals, which only pull, and of sides."""
-    hold_damped_lengths(
-        state.position,
-        state.previous,
-        constraints.diagonals,
-        constraints.diagonal_lengths,
-        settings.shear_compliance,
-        -1.0,
-        settings.internal_damping,
-    )
-    hold_damped_lengths(
-        state.position,
-        state.previous,
-        constraints.edges,
-        constraints.edge_lengths,
-        settings.stretch_compliance,
-        settings.squeeze_compliance,
-        settings.internal_damping,
-    )
+    sides = constraints.edges.shape[0]
+    multipliers = constraints.multipliers
+    multipliers[:] = 0.0
+    for _ in range(settings.spring_sweeps):
+        hold_damped_lengths(
+            state.position,
+            state.previous,
+            constraints.mobility,
+            constraints.diagonals,
+            constraints.diagonal_lengths,
+            multipliers[sides:],
+            settings.shear_compliance,
+            -1.0,
+            settings.internal_damping,
+        )
+        hold_damped_lengths(
+            state.position,
+            state.previous,
+            constraints.mobility,
+            constraints.edges,
+            constraints.edge_lengths,
+            multipliers[:sides],
+            settings.stretch_compliance,
+            settings.squeeze_compliance,
+            settings.internal_damping,
+        )
 
 
 @njit(cache=True)
