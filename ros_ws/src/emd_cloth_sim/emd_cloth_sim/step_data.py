@@ -43,10 +43,10 @@ class Constraints(NamedTuple):
     """The mesh as the kernels need it; see `SheetMesh`.
 
     `leg` is the length of the right angles' legs and `shortest_spans` the least distance of each
-    span's ends, metres. Diagonals are those of `springs`, `multipliers` a place for
-    each side and diagonal, and `mobility` (V,) is 0 for vertices in a rigid grip; a hinge has its rest angle in radians
-    and a gain, in 1/m, that makes accelerations of bending rigidity over mass. What a config does
-    not use is empty.
+    span's ends, metres. Diagonals are those of `springs`, `multipliers` a place for each side and
+    diagonal, and `mobility` (V,) is 0 for vertices in a rigid grip. A hinge has its rest angle in
+    radians and a gain, in 1/m, that makes accelerations of bending rigidity over mass. What a
+    config does not use is empty.
     """
 
     triangles: IndexArray
