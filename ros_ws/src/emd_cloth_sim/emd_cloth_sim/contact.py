@@ -97,7 +97,7 @@ def _push_apart(
 ) -> None:
     """Move a vertex and a triangle of equal masses apart by `depth`, and brake their sliding.
 
-    By no more than their approach and `separation` (metres in a substep).
+    They part by no more than `separation` (metres in a substep).
     """
     v, a, b, c = corners
     wa, wb, wc = weights
@@ -107,7 +107,7 @@ def _push_apart(
     sy = _relative_way(position, previous, v, a, b, c, wa, wb, wc, 1)
     sz = _relative_way(position, previous, v, a, b, c, wa, wb, wc, 2)
     along = sx * nx + sy * ny + sz * nz
-    depth = min(depth, max(-along, 0.0) + separation)
+    depth = min(depth, max(separation - along, 0.0))
     sx -= along * nx
     sy -= along * ny
     sz -= along * nz
@@ -171,7 +171,7 @@ def collide_with_desk(
         depth = height - position[v, 2]
         if depth <= 0.0:
             continue
-        depth = min(depth, max(previous[v, 2] - position[v, 2], 0.0) + separation)
+        depth = min(depth, max(previous[v, 2] - position[v, 2] + separation, 0.0))
         position[v, 2] += depth
         x = position[v, 0] - previous[v, 0]
         y = position[v, 1] - previous[v, 1]

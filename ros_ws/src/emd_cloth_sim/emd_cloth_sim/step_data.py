@@ -176,6 +176,7 @@ def contact_memory(mesh: SheetMesh, vertices: int, growth: int = 1) -> ContactMe
 def step_settings(config: ClothConfig, substep: float) -> StepSettings:
     """Work out the numbers of a step from the config and the substep in seconds."""
     spacing = max(config.spacing)
+    springs = config.membrane == "springs"
     scale = config.vertex_mass / substep**2
     area = config.spacing[0] * config.spacing[1]
     hinge_stiffness = config.bending_rigidity / config.vertex_mass
@@ -187,8 +188,8 @@ def step_settings(config: ClothConfig, substep: float) -> StepSettings:
         damping=config.damping,
         max_speed=config.max_speed,
         stretch_compliance=config.stretch_compliance * scale,
-        # A triangle stores half of the shear energy of its cell.
-        shear_compliance=2.0 * config.shear_compliance * scale,
+        # A triangle of a weave stores half of the shear energy of its cell.
+        shear_compliance=(1.0 if springs else 2.0) * config.shear_compliance * scale,
         bending_compliance=bending * scale,
         thickness=config.thickness,
         edge_thickness=EDGE_THICKNESS * config.thickness * config.edge_contact,
@@ -199,7 +200,7 @@ def step_settings(config: ClothConfig, substep: float) -> StepSettings:
         longest_edge=1.15 * spacing,
         cloth_friction=config.cloth_friction,
         desk_friction=config.desk_friction,
-        springs=config.membrane == "springs",
+        springs=springs,
         squeeze_compliance=config.squeeze_ratio * config.stretch_compliance * scale,
         internal_damping=config.internal_damping / substep,
         spring_sweeps=config.spring_sweeps,
