@@ -139,6 +139,26 @@ def simulate(
     print(f"written: {output}")
 
 
+@app.command(name="evaluate-cloth")
+def evaluate_cloth(
+    reference: Annotated[Path, typer.Option(help="folder of reference sequences (.npz)")],
+    json_file: Annotated[Path, typer.Option("--json", help="figures of all manipulations")],
+    preset: Annotated[str, typer.Option(help="the cloth and its hands' path")] = "reference",
+    mesh: Annotated[int | None, typer.Option(min=5, help="vertices a side")] = None,
+    workers: Annotated[int, typer.Option(min=1, help="processes")] = 2,
+    half: Annotated[str, typer.Option(help="fit, held-out or all")] = "all",
+    pictures: Annotated[
+        Path | None, typer.Option(help="folder for a picture of best, median and worst")
+    ] = None,
+) -> None:
+    """Replay reference sequences on our cloth and say how near it comes."""
+    from emd_cell.evaluate_command import evaluate_folder
+
+    mean = evaluate_folder(reference, json_file, preset, mesh, workers, half, pictures, console)
+    print(json.dumps(mean, indent=1))
+    print(f"written: {json_file}")
+
+
 @app.command()
 def generate(
     sequences: Annotated[int, typer.Option(help="how many, failed ones included")],

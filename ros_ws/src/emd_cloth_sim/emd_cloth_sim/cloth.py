@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 from emd_cloth_sim.config import ClothConfig
 from emd_cloth_sim.diagnostics import ClothDiagnostics, diagnose
 from emd_cloth_sim.hand import Hand, check_transform
-from emd_cloth_sim.mesh import build_mesh, flat_positions
+from emd_cloth_sim.hinges import hinge_angles
+from emd_cloth_sim.mesh import build_mesh, flat_positions, pair_lengths
 from emd_cloth_sim.step_data import (
     CLEAN,
+    UNBOUNDED,
     UNSEEN,
     ClothState,
     Held,
@@ -36,7 +38,7 @@ class Cloth:
         self.config = config or ClothConfig()
         self.mesh = build_mesh(self.config.vertices, self.config.spacing)
         flat = flat_positions(self.config.vertices, self.config.side_lengths)
-        flat[:, 2] = 0.5 * self.config.thickness
+        flat[:, 2] = self.config.rest_height
         self._position = flat.astype(np.float32)
         self._velocity = np.zeros_like(self._position)
         self._state = ClothState(
@@ -52,9 +54,10 @@ class Cloth:
     def from_positions(
         cls, positions_in_table: FloatArray, config: ClothConfig | None = None
     ) -> Cloth:
-        """Start at rest from mid-surface positions, shape (V, 3), metres; the rest shape is flat.
+        """Start at rest from mid-surface positions, shape (V, 3), metres.
 
-        Vertex (i, j) of the mesh has the index i * vertices[1] + j.
+        The rest shape is flat; a plastic cloth's is the given one. Vertex (i, j) of the mesh has
+        the index i * vertices[1] + j.
 
         Raises:
             InvalidInputError: If the shape does not fit the config or a value is not finite.
@@ -70,7 +73,21 @@ class Cloth:
             raise InvalidInputError("positions must be finite, got NaN or infinity")
         cloth._position[:] = positions
         cloth._slow_time = 0.0
+        cloth.take_rest_shape()
         return cloth
+
+    def take_rest_shape(self) -> None:
+        """Make a plastic cloth's present lengths and angles those of rest; no other's change."""
+        if not self.config.plastic:
+            return
+        lattice, positions = self._constraints.lattice, self.positions_in_table
+        lattice.edge_lengths[:] = pair_lengths(positions, lattice.edges)
+        lattice.diagonal_lengths[:] = pair_lengths(positions, lattice.diagonals)
+        lattice.hinge_angles[:] = hinge_angles(positions, lattice.hinges)
+
+    def stop(self) -> None:
+        """Take all motion out of the cloth."""
+        self._velocity[:] = 0.0
 
     @property
     def positions_in_table(self) -> FloatArray:
@@ -185,7 +202,10 @@ class Cloth:
         """
         self._undo_crossings()
         result = diagnose(
-            self.positions_in_table, self.mesh, self.config.vertices, self.config.thickness
+            self.positions_in_table,
+            self.mesh,
+            self.config,
+            self._constraints.lattice.edge_lengths if self.config.plastic else None,
         )
         if raise_on_failure:
             result.raise_on_failure()
@@ -211,6 +231,9 @@ class Cloth:
     def _advance_step(self, duration: float, start: float, end: float) -> None:
         substep = duration / self.config.mesh_substeps
         held = self._held(start, end, substep)
+        if self.config.rigid_grip:
+            self._constraints.lattice.mobility[:] = 1.0
+            self._constraints.lattice.mobility[held.vertices] = 0.0
         settings = step_settings(self.config, substep)
         first = 0
         while True:
@@ -238,6 +261,8 @@ class Cloth:
 
     def _reach(self, held: int, substep: float) -> FloatArray:
         """Ways that a vertex's share of grip and press force moves it in one substep, metres."""
+        if self.config.rigid_grip:
+            return np.full(2, UNBOUNDED)
         force = np.array([self.config.grip_force, self.config.press_force]) / max(held, 1)
         reach = force / self.config.vertex_mass * substep**2
         # What has slipped catches up no faster than anything else moves.

@@ -9,6 +9,9 @@ import numpy as np
 
 from emd_core.errors import InvalidInputError
 
+MEMBRANES = ("weave", "springs")
+BENDINGS = ("rows", "hinges")
+
 
 @dataclass(frozen=True)
 class ClothConfig:
@@ -43,10 +46,30 @@ class ClothConfig:
             0.025 normalised, 0.0071 m.
         grasp_height_tolerance: Vertical reach up and down: generous, so that a hand takes all
             layers at its spot (paper, IV-B).
-        grip_force: Force at which cloth slips after its hand instead of being torn, N.
+        grip_force: Force at which cloth slips after its hand instead of being torn, N; infinite
+            for a rigid grip, which neither springs nor contacts move.
         press_force: The same downwards: fingertips cannot push slack cloth into a pile, N.
         settle_speed: The cloth rests when no vertex is faster than this, m/s.
         settle_time: For how long it must be so, seconds.
+        membrane: `weave`: sides hold their lengths and cells resist shear. `springs`: the
+            reference's lattice of damped springs along sides and diagonals (`springs`), the
+            diagonals slack when shortened; `stretch_compliance` and `shear_compliance` are then
+            those of a side and of a diagonal.
+        squeeze_ratio: Compliance of a shortened side over that of a stretched one; `springs` only.
+        internal_damping: Retardation time of the springs, seconds; `springs` only.
+        spring_sweeps: Sweeps over the springs in a substep, at least 1: the more, the farther a
+            pull is felt within it; `springs` only.
+        bending: `rows`: three vertices in a row seek a straight line. `hinges`: cells seek their
+            rest angle about the side they share (`hinges`).
+        plastic: Whether a manipulation leaves its shape in the cloth: every `take_rest_shape`
+            (and a start from given positions) makes the present lengths and angles those of rest.
+            Needs `springs` and `hinges`.
+        desk_gap: Height over the desk at which the cloth's underside rests, metres: a collision
+            margin.
+        max_stretch: A state of which more than 1 % of the edges are stretched by a greater share
+            than this cannot be believed.
+        separation_speed: Fastest that a contact drives cloth that is too near apart, m/s. What
+            approaches is stopped at once in any case.
     """
 
     side_lengths: tuple[float, float] = (0.40, 0.40)
@@ -71,6 +94,15 @@ class ClothConfig:
     press_force: float = 0.02
     settle_speed: float = 0.03
     settle_time: float = 0.05
+    membrane: str = "weave"
+    squeeze_ratio: float = 1.0
+    internal_damping: float = 0.0
+    spring_sweeps: int = 1
+    bending: str = "rows"
+    plastic: bool = False
+    desk_gap: float = 0.0
+    separation_speed: float = math.inf
+    max_stretch: float = 0.03
 
     def __post_init__(self) -> None:
         """Check the ranges.
@@ -86,8 +118,30 @@ class ClothConfig:
             raise InvalidInputError(f"vertices must be two counts >= 5, got {self.vertices}")
         if len(self.gravity) != 3 or not np.isfinite(self.gravity).all():
             raise InvalidInputError(f"gravity must be three finite values, got {self.gravity}")
-        if self.substeps < 1:
-            raise InvalidInputError(f"substeps must be at least 1, got {self.substeps}")
+        if self.membrane not in MEMBRANES or self.bending not in BENDINGS:
+            raise InvalidInputError(
+                f"membrane must be one of {', '.join(MEMBRANES)} and bending one of "
+                f"{', '.join(BENDINGS)}, got {self.membrane!r} and {self.bending!r}"
+            )
+        if self.plastic and (self.membrane, self.bending) != ("springs", "hinges"):
+            raise InvalidInputError(
+                "a plastic cloth needs membrane 'springs' and bending 'hinges', as the others "
+                f"know only a flat rest shape; got {self.membrane!r} and {self.bending!r}"
+            )
+        if not self.separation_speed > 0:
+            raise InvalidInputError(
+                f"separation_speed must be positive, got {self.separation_speed}"
+            )
+        if min(self.substeps, self.spring_sweeps) < 1:
+            raise InvalidInputError(
+                f"substeps and spring_sweeps must be at least 1, got {self.substeps} and "
+                f"{self.spring_sweeps}"
+            )
+        if not min(self.grip_force, self.press_force) > 0:
+            raise InvalidInputError(
+                f"grip_force and press_force must be positive, got {self.grip_force} and "
+                f"{self.press_force}"
+            )
         if self.thickness > 0.6 * min(self.spacing) + 1e-9:
             raise InvalidInputError(
                 f"thickness {self.thickness} m must be at most 0.6 of the vertex spacing "
@@ -112,6 +166,16 @@ class ClothConfig:
         """Mass of one vertex, kg."""
         area = self.side_lengths[0] * self.side_lengths[1]
         return self.areal_density * area / (self.vertices[0] * self.vertices[1])
+
+    @property
+    def rigid_grip(self) -> bool:
+        """Whether neither springs nor contacts move what a hand holds."""
+        return math.isinf(self.grip_force)
+
+    @property
+    def rest_height(self) -> float:
+        """Height of the mid-surface of a single layer at rest on the desk, metres."""
+        return self.desk_gap + 0.5 * self.thickness
 
     @property
     def mesh_substeps(self) -> int:
@@ -170,10 +234,10 @@ _POSITIVE = (
     "vertices_per_substep",
     "grasp_radius",
     "grasp_height_tolerance",
-    "grip_force",
-    "press_force",
     "settle_speed",
     "settle_time",
+    "squeeze_ratio",
+    "max_stretch",
 )
 _NOT_NEGATIVE = (
     "stretch_compliance",
@@ -183,6 +247,8 @@ _NOT_NEGATIVE = (
     "desk_friction",
     "cloth_friction",
     "damping",
+    "internal_damping",
+    "desk_gap",
 )
 
 

@@ -95,6 +95,7 @@ def collide_with_self(
     count: int,
     thickness: np.float32,
     friction: np.float32,
+    separation: np.float32,
 ) -> None:
     """Push vertices and triangles that are closer than `thickness` apart, with friction."""
     corners, weights, normal = contacts
@@ -116,6 +117,7 @@ def collide_with_self(
                 (nx, ny, nz),
                 min(thickness - gap, thickness),
                 friction,
+                separation,
             )
 
 
@@ -144,8 +146,12 @@ def _push_apart(
     normal: tuple[float, float, float],
     depth: float,
     friction: float,
+    separation: float,
 ) -> None:
-    """Move a vertex and a triangle of equal masses apart by `depth`, and brake their sliding."""
+    """Move a vertex and a triangle of equal masses apart by `depth`, and brake their sliding.
+
+    They part by no more than `separation` (metres in a substep).
+    """
     v, a, b, c = corners
     wa, wb, wc = weights
     nx, ny, nz = normal
@@ -154,6 +160,7 @@ def _push_apart(
     sy = _relative_way(position, previous, v, a, b, c, wa, wb, wc, 1)
     sz = _relative_way(position, previous, v, a, b, c, wa, wb, wc, 2)
     along = sx * nx + sy * ny + sz * nz
+    depth = min(depth, max(separation - along, ZERO))
     sx -= along * nx
     sy -= along * ny
     sz -= along * nz
@@ -203,14 +210,22 @@ def _relative_way(
 
 @njit(**FAST)
 def collide_with_desk(
-    position: Positions, previous: Positions, height: float, friction: float
+    position: Positions,
+    previous: Positions,
+    height: float,
+    friction: float,
+    separation: float,
 ) -> None:
-    """Keep vertices at least `height` over the desk (z = 0) and brake their sliding on it."""
+    """Keep vertices at least `height` over the desk (z = 0) and brake their sliding on it.
+
+    A vertex that is too low rises by no more than `separation` (metres in a substep).
+    """
     for v in range(position.shape[0]):
         depth = height - position[v, 2]
         if depth <= ZERO:
             continue
-        position[v, 2] = height
+        depth = min(depth, max(previous[v, 2] - position[v, 2] + separation, ZERO))
+        position[v, 2] += depth
         x = position[v, 0] - previous[v, 0]
         y = position[v, 1] - previous[v, 1]
         slide = math.sqrt(x * x + y * y)

@@ -7,16 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from emd_cloth_sim.broad_phase import make_patches
+from emd_cloth_sim.config import ClothConfig
 from emd_cloth_sim.crossings import EVERYWHERE, find_crossings
-from emd_cloth_sim.mesh import SheetMesh
+from emd_cloth_sim.mesh import SheetMesh, pair_lengths
 from emd_core.errors import SimulationError
 from emd_core.frames import FloatArray
 
-MAX_STRETCH_P99 = 1.05
-MAX_CROSSINGS = 0
 # Sides that cross and are told apart; a mesh that has more is hopeless anyway.
 MAX_LISTED = 20_000
-MAX_DESK_DEPTH = 1e-3
 
 
 @dataclass(frozen=True)
@@ -27,8 +25,10 @@ class ClothDiagnostics:
         stretch_p99: 99th percentile of edge length over rest length.
         worst_stretch: The greatest of these ratios.
         crossings: Pairs of a triangle's side and a triangle that pass through each other.
-        desk_depth: Deepest reach of the mid-surface below half a thickness over the desk, metres.
+        desk_depth: Deepest reach of the mid-surface below its height at rest on the desk, metres.
         finite: Whether no coordinate is NaN or infinite.
+        max_stretch: Greatest `stretch_p99` that can be believed, less one.
+        max_desk_depth: Greatest `desk_depth` that can be believed, metres.
     """
 
     stretch_p99: float
@@ -36,17 +36,19 @@ class ClothDiagnostics:
     crossings: int
     desk_depth: float
     finite: bool
+    max_stretch: float
+    max_desk_depth: float
 
     @property
     def failure(self) -> str:
         """What makes the state unusable; empty if nothing does."""
         if not self.finite:
             return "a vertex has no finite position"
-        if self.stretch_p99 > MAX_STRETCH_P99:
-            return f"stretch p99 {self.stretch_p99:.3f} is above {MAX_STRETCH_P99}"
-        if self.crossings > MAX_CROSSINGS:
+        if self.stretch_p99 > 1.0 + self.max_stretch:
+            return f"stretch p99 {self.stretch_p99:.3f} is above {1.0 + self.max_stretch:.3f}"
+        if self.crossings > 0:
             return f"the cloth passes through itself at {self.crossings} places"
-        if self.desk_depth > MAX_DESK_DEPTH:
+        if self.desk_depth > self.max_desk_depth:
             return f"the cloth is {1e3 * self.desk_depth:.1f} mm below the desk"
         return ""
 
@@ -64,19 +66,31 @@ class ClothDiagnostics:
 
 
 def diagnose(
-    position: FloatArray, mesh: SheetMesh, vertices: tuple[int, int], thickness: float
+    position: FloatArray,
+    mesh: SheetMesh,
+    config: ClothConfig,
+    edge_lengths: FloatArray | None = None,
 ) -> ClothDiagnostics:
-    """Examine mid-surface positions, shape (V, 3), metres."""
+    """Examine mid-surface positions, shape (V, 3), metres.
+
+    Args:
+        position: The vertices.
+        mesh: The sheet's mesh.
+        config: The sheet; says what can be believed.
+        edge_lengths: Rest lengths of the mesh's edges, metres; the flat sheet's if None.
+    """
+    limits = (config.max_stretch, 0.5 * config.thickness)
     if not np.isfinite(position).all():
-        return ClothDiagnostics(np.inf, np.inf, 0, np.inf, False)
-    ends = position[mesh.edges]
-    ratio = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / mesh.edge_lengths
+        return ClothDiagnostics(np.inf, np.inf, 0, np.inf, False, *limits)
+    lengths = mesh.edge_lengths if edge_lengths is None else edge_lengths
+    ratio = pair_lengths(position, mesh.edges) / lengths
     return ClothDiagnostics(
-        stretch_p99=float(np.percentile(ratio, 99)),
-        worst_stretch=float(ratio.max()),
-        crossings=count_crossings(position, mesh, vertices),
-        desk_depth=float(max(0.0, 0.5 * thickness - position[:, 2].min())),
-        finite=True,
+        float(np.percentile(ratio, 99)),
+        float(ratio.max()),
+        count_crossings(position, mesh, config.vertices),
+        float(max(0.0, config.rest_height - position[:, 2].min())),
+        True,
+        *limits,
     )
 
 

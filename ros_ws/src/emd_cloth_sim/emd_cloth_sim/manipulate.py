@@ -11,6 +11,7 @@ from emd_cloth_sim.config import HandPathConfig
 from emd_cloth_sim.diagnostics import ClothDiagnostics
 from emd_cloth_sim.hand_path import HandPath, arc_path
 from emd_cloth_sim.independent_hands import IndependentManipulation
+from emd_cloth_sim.reference_path import ReferencePathConfig, reference_offsets
 from emd_core.frames import FloatArray
 from emd_core.manipulation import Manipulation
 
@@ -37,13 +38,17 @@ class ManipulationOutcome:
 def manipulate(
     cloth: Cloth,
     manipulation: Manipulation | IndependentManipulation,
-    path_config: HandPathConfig | None = None,
+    path_config: HandPathConfig | ReferencePathConfig | None = None,
 ) -> ManipulationOutcome:
     """Grasp all layers at the used points, carry them along an arc, release, let settle.
 
-    A grasp point beside the cloth holds nothing; if no hand holds anything, nothing happens.
+    A grasp point beside the cloth holds nothing; if no hand holds anything, nothing happens. The
+    reference's path starts from a cloth without motion whose shape is that of rest, and ends when
+    its time is over, whether the cloth has settled or not.
     """
     config = path_config or HandPathConfig()
+    if isinstance(config, ReferencePathConfig):
+        return _manipulate_as_reference(cloth, manipulation, config)
     paths = {}
     for hand in range(2):
         if manipulation.used[hand]:
@@ -57,6 +62,40 @@ def manipulate(
     for hand in paths:
         cloth.release(hand)
     settle_time = settle(cloth, config.settle_time_limit) if any(held) else 0.0
+    return ManipulationOutcome(held, carry_time, settle_time, cloth.settled, cloth.check())
+
+
+def _manipulate_as_reference(
+    cloth: Cloth,
+    manipulation: Manipulation | IndependentManipulation,
+    config: ReferencePathConfig,
+) -> ManipulationOutcome:
+    cloth.stop()
+    cloth.take_rest_shape()
+    starts = {}
+    for hand in range(2):
+        if manipulation.used[hand]:
+            starts[hand] = np.array([*manipulation.grasp_points_in_table[hand], 0.0])
+            cloth.grasp(hand, _tool_frame(starts[hand]))
+    held = (cloth.held_count(0), cloth.held_count(1))
+    offsets = {
+        hand: reference_offsets(manipulation.displacements_in_table[hand], config)
+        for hand in starts
+    }
+    frames = max(len(way) for way in offsets.values())
+    if any(held):
+        for frame in range(frames):
+            for hand, start in starts.items():
+                way = offsets[hand]  # one that ends sooner waits where it is
+                cloth.move_hand(hand, _tool_frame(start + way[min(frame, len(way) - 1)]))
+            cloth.advance(config.frame)
+    for hand in starts:
+        cloth.release(hand)
+    if any(held):
+        for _ in range(config.frames_after):
+            cloth.advance(config.frame)
+    carry_time = frames * config.frame if any(held) else 0.0
+    settle_time = config.frames_after * config.frame if any(held) else 0.0
     return ManipulationOutcome(held, carry_time, settle_time, cloth.settled, cloth.check())
 
 

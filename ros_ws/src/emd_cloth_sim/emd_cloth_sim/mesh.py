@@ -78,6 +78,18 @@ def build_mesh(vertices: tuple[int, int], spacing: tuple[float, float]) -> Sheet
     )
 
 
+def pair_lengths(positions: FloatArray, pairs: IndexArray) -> FloatArray:
+    """Give the distances of pairs of vertices, shape (C,), in the positions' unit."""
+    ends = positions[pairs]
+    return np.asarray(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
+
+
+def cell_diagonals(mesh: SheetMesh) -> tuple[IndexArray, FloatArray]:
+    """Give both diagonals of every cell, (2 C, 2), and their lengths, from the mesh's spans."""
+    first = len(mesh.triples)
+    return mesh.spans[first:], mesh.span_lengths[first:]
+
+
 def _edges_along_x(index: IndexArray) -> IndexArray:
     pairs = np.stack([index[:-1], index[1:]], axis=-1)
     return np.concatenate([pairs[colour::2].reshape(-1, 2) for colour in range(2)])

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from emd_cloth_sim.config import ClothConfig, HandPathConfig
+from emd_cloth_sim.reference_path import ReferencePathConfig
 from emd_core.errors import InvalidInputError
 
 
@@ -20,11 +22,44 @@ class ClothPreset:
     """
 
     cloth: ClothConfig
-    path: HandPathConfig
+    path: HandPathConfig | ReferencePathConfig
 
+
+# The authors' Blender cloth, scaled to 0.40 m and a towel's weight: 10 / 0.0175 of stiffness a
+# unit, vertices of mass 1 and 0.00981 of gravity become m/N by dynamic similarity.
+REFERENCE = ClothPreset(
+    ClothConfig(
+        vertices=(81, 81),
+        thickness=0.0024,
+        stretch_compliance=0.035,
+        shear_compliance=0.070,
+        bending_rigidity=5.7e-6,
+        sharpest_fold=0.0,
+        desk_friction=0.6,
+        cloth_friction=0.4,
+        damping=0.0,
+        max_speed=2.0,
+        step=0.01761 / 4,
+        substeps=9,
+        grasp_radius=0.025 * 0.40 / 1.4,
+        grasp_height_tolerance=0.2,
+        grip_force=math.inf,
+        press_force=math.inf,
+        membrane="springs",
+        squeeze_ratio=0.67,
+        internal_damping=0.009,
+        spring_sweeps=6,
+        bending="hinges",
+        plastic=True,
+        desk_gap=0.0352 * 0.40 / 1.4 - 0.0012,
+        separation_speed=0.1,
+        max_stretch=0.10,
+    ),
+    ReferencePathConfig(),
+)
 
 PRESETS: Mapping[str, ClothPreset] = MappingProxyType(
-    {"towel": ClothPreset(ClothConfig(), HandPathConfig())}
+    {"towel": ClothPreset(ClothConfig(), HandPathConfig()), "reference": REFERENCE}
 )
 
 

@@ -6,7 +6,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-
 from numpy.typing import NDArray
 
 from emd_cloth_sim.broad_phase import (
@@ -19,8 +18,10 @@ from emd_cloth_sim.broad_phase import (
 )
 from emd_cloth_sim.config import ClothConfig
 from emd_cloth_sim.edge_contact import EdgePairs, allocate_edge_pairs
-from emd_cloth_sim.mesh import IndexArray, SheetMesh
+from emd_cloth_sim.hinges import cell_hinges
+from emd_cloth_sim.mesh import IndexArray, SheetMesh, cell_diagonals
 from emd_cloth_sim.planes import Plane, empty_planes, to_plane
+from emd_core.frames import FloatArray
 
 # Way that the cloth may travel before the pairs that can touch are searched again, metres: a
 # longer one means more pairs to look at, a shorter one more searches.
@@ -34,6 +35,12 @@ LEAST_HORIZON, GREATEST_HORIZON = 0.0002, 0.0012
 # Share of the thickness at which watched edges push each other apart.
 EDGE_THICKNESS = 0.5
 MAX_EDGE_PAIRS = 2048
+# Explicit hinges: the square of their fastest swing's frequency in units of rigidity over mass and
+# squared spacing (a chequered sheet's), and the phase that may pass between two evaluations.
+HINGE_STIFFENING = 32.0
+HINGE_PHASE = 0.5
+# In place of infinity, which the kernels' arithmetic does not know.
+UNBOUNDED = 1e30
 MAX_CROSSINGS_LISTED = 4096
 # Places in `ContactMemory.counts`.
 CANDIDATES, TRAVELLED, CONTACTS, GOOD_UNTIL, CLEAN, PUT_BACK, UNSEEN, LAST_WAY = range(8)
@@ -53,6 +60,31 @@ class ClothState(NamedTuple):
     safe: Singles
 
 
+class Lattice(NamedTuple):
+    """Damped springs and hinges, which may have a rest shape; what a config lacks is empty.
+
+    Attributes:
+        edges: Sides of the cells, shape (E, 2), and their rest lengths `edge_lengths`, metres.
+        diagonals: Both diagonals of each cell, (D, 2), and `diagonal_lengths`, metres.
+        multipliers: A place for each side and diagonal, (E + D,).
+        mobility: 0 for vertices in a rigid grip, else 1, (V,).
+        hinges: See `hinges.cell_hinges`, (H, 6), and their rest angles `hinge_angles`, radians.
+        hinge_gains: Make accelerations of bending rigidity over mass, (H,), 1/m.
+        hinge_accelerations: Of the vertices, (V, 3), m/s^2.
+    """
+
+    edges: IndexArray
+    edge_lengths: FloatArray
+    diagonals: IndexArray
+    diagonal_lengths: FloatArray
+    multipliers: FloatArray
+    mobility: FloatArray
+    hinges: IndexArray
+    hinge_angles: FloatArray
+    hinge_gains: FloatArray
+    hinge_accelerations: FloatArray
+
+
 class Constraints(NamedTuple):
     """The mesh as the kernels need it; see `SheetMesh` and `planes`.
 
@@ -63,6 +95,7 @@ class Constraints(NamedTuple):
         length_x: Rest lengths along x, and `length_y` along y, at each pair's lower vertex.
         leg: Length of the right angles' legs, metres.
         shortest: How near a fold may bring two edges along x, two along y, and a diagonal, metres.
+        lattice: Springs and hinges.
     """
 
     triangles: IndexArray
@@ -73,6 +106,7 @@ class Constraints(NamedTuple):
     length_y: Plane
     leg: np.float32
     shortest: tuple[np.float32, np.float32, np.float32]
+    lattice: Lattice
 
 
 class Held(NamedTuple):
@@ -107,7 +141,8 @@ class ContactMemory(NamedTuple):
 class StepSettings(NamedTuple):
     """Numbers of a step: SI units; compliances times vertex mass over squared substep.
 
-    `sheet` holds the counts of vertices along x and y, their spacings, and how far apart on the
+    With `weave` the membrane is the weave's, else that of the damped springs; with `rows` three
+    vertices in a row seek a straight line. `sheet` holds the counts of vertices along x and y, their spacings, and how far apart on the
     flat sheet a vertex and a cell are that may collide.
     """
 
@@ -125,6 +160,16 @@ class StepSettings(NamedTuple):
     sheet: tuple[int, int, np.float32, np.float32, np.float32]
     cloth_friction: np.float32
     desk_friction: np.float32
+    rest_height: np.float32
+    separation: np.float32
+    weave: bool
+    rows: bool
+    rigid_grip: bool
+    squeeze_compliance: float
+    internal_damping: float
+    spring_sweeps: int
+    hinge_stiffness: float
+    hinge_interval: int
 
 
 def constraints_of(mesh: SheetMesh, config: ClothConfig) -> Constraints:
@@ -147,7 +192,39 @@ def constraints_of(mesh: SheetMesh, config: ClothConfig) -> Constraints:
         length_y=to_plane(lengths[1].reshape(config.vertices)),
         leg=np.float32(math.sqrt(spacing_x * spacing_y)),
         shortest=(np.float32(shortest[0]), np.float32(shortest[1]), np.float32(shortest[2])),
+        lattice=_lattice(mesh, config),
     )
+
+
+def _lattice(mesh: SheetMesh, config: ClothConfig) -> Lattice:
+    """Springs and hinges of a config; at rest they are those of the flat sheet."""
+    springs, hinged = config.membrane == "springs", config.bending == "hinges"
+    diagonals, diagonal_lengths = cell_diagonals(mesh)
+    edge_count, diagonal_count = (len(mesh.edges), len(diagonals)) if springs else (0, 0)
+    hinges, gains = _hinges(config) if hinged else (np.empty((0, 6), np.int32), np.empty(0))
+    vertices = int(np.prod(config.vertices))
+    return Lattice(
+        edges=mesh.edges[:edge_count],
+        edge_lengths=mesh.edge_lengths[:edge_count].copy(),
+        diagonals=diagonals[:diagonal_count],
+        diagonal_lengths=diagonal_lengths[:diagonal_count].copy(),
+        multipliers=np.zeros(edge_count + diagonal_count),
+        mobility=np.ones(vertices),
+        hinges=hinges,
+        hinge_angles=np.zeros(len(hinges)),
+        hinge_gains=gains,
+        hinge_accelerations=np.zeros((vertices if hinged else 0, 3)),
+    )
+
+
+def _hinges(config: ClothConfig) -> tuple[IndexArray, FloatArray]:
+    """Hinges and their gains: length of the side over squared width of a cell."""
+    x, y = config.spacing
+    hinges = cell_hinges(config.vertices)
+    across_x = (config.vertices[0] - 2) * (config.vertices[1] - 1)
+    gains = np.full(len(hinges), 0.5 * x / y**2)
+    gains[:across_x] = 0.5 * y / x**2
+    return hinges, gains
 
 
 def contact_memory(config: ClothConfig, growth: int = 1) -> ContactMemory:
@@ -168,7 +245,7 @@ def step_settings(config: ClothConfig, substep: float) -> StepSettings:
     scale = config.vertex_mass / substep**2
     area = config.spacing[0] * config.spacing[1]
     bending = area / config.bending_rigidity if config.bending_rigidity > 0 else math.inf
-    single = np.float32
+    single, weave = np.float32, config.membrane == "weave"
     return StepSettings(
         substep=single(substep),
         substeps=config.mesh_substeps,
@@ -176,9 +253,9 @@ def step_settings(config: ClothConfig, substep: float) -> StepSettings:
         keep_speed=single(math.exp(-config.damping * substep)),
         max_speed=single(config.max_speed),
         stretch_compliance=single(config.stretch_compliance * scale),
-        # A triangle stores half of the shear energy of its cell.
-        shear_compliance=single(2.0 * config.shear_compliance * scale),
-        bending_compliance=single(min(bending * scale, 1e30)),
+        # A triangle of a weave stores half of the shear energy of its cell.
+        shear_compliance=single((2.0 if weave else 1.0) * config.shear_compliance * scale),
+        bending_compliance=single(min(bending * scale, UNBOUNDED)),
         thickness=single(config.thickness),
         edge_thickness=single(EDGE_THICKNESS * config.thickness),
         margin=single(CONTACT_MARGIN),
@@ -192,4 +269,23 @@ def step_settings(config: ClothConfig, substep: float) -> StepSettings:
         ),
         cloth_friction=single(config.cloth_friction),
         desk_friction=single(config.desk_friction),
+        rest_height=single(config.rest_height),
+        separation=single(min(config.separation_speed * substep, UNBOUNDED)),
+        weave=weave,
+        rows=config.bending == "rows",
+        rigid_grip=config.rigid_grip,
+        squeeze_compliance=config.squeeze_ratio * config.stretch_compliance * scale,
+        internal_damping=config.internal_damping / substep,
+        spring_sweeps=config.spring_sweeps,
+        hinge_stiffness=config.bending_rigidity / config.vertex_mass,
+        hinge_interval=_hinge_interval(config, substep),
     )
+
+
+def _hinge_interval(config: ClothConfig, substep: float) -> int:
+    """Substeps between two evaluations of the hinges: a small share of their fastest swing."""
+    if config.bending_rigidity == 0.0:
+        return config.mesh_substeps
+    stiffness = config.bending_rigidity / config.vertex_mass
+    fastest = math.sqrt(HINGE_STIFFENING * stiffness / min(config.spacing) ** 2)
+    return int(min(max(HINGE_PHASE / (fastest * substep), 1.0), config.mesh_substeps))

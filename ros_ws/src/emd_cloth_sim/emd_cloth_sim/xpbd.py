@@ -24,7 +24,9 @@ from emd_cloth_sim.contact import collide_with_desk, collide_with_self, find_con
 from emd_cloth_sim.contact_search import find_candidates
 from emd_cloth_sim.crossings import EVERYWHERE, find_crossings, undo_crossings
 from emd_cloth_sim.edge_contact import collide_edges, forget_parted
+from emd_cloth_sim.hinges import turn_hinges
 from emd_cloth_sim.planes import FAST, load_planes, store_planes
+from emd_cloth_sim.springs import hold_damped_lengths
 from emd_cloth_sim.step_data import (
     CANDIDATES,
     CLEAN,
@@ -42,10 +44,11 @@ from emd_cloth_sim.step_data import (
     Constraints,
     ContactMemory,
     Held,
+    Lattice,
     StepSettings,
 )
 
-ONE, HALF = np.float32(1.0), np.float32(0.5)
+ONE = np.float32(1.0)
 TINY = np.float32(1e-30)
 
 
@@ -70,11 +73,17 @@ def advance_step(
             _search_contacts(state.position, constraints, memory, settings)
             if counts[CANDIDATES] < 0:
                 return s
+        if constraints.lattice.hinges.shape[0] > 0:
+            _swing_hinges(state, constraints.lattice, settings, s)
         integrate(state, settings)
         progress = np.float32((s + 1.0) / settings.substeps)
         pull_to_hands(state.position, held.vertices, held.start, held.end, progress, held.reach)
-        _satisfy_constraints(state.position, constraints, settings)
+        _satisfy_constraints(state, constraints, settings)
         _collide(state, constraints, memory, settings)
+        if settings.rigid_grip:
+            pull_to_hands(
+                state.position, held.vertices, held.start, held.end, progress, held.reach
+            )
         way = 2.0 * update_velocity(state, settings.substep, settings.max_speed)
         counts[TRAVELLED] += way
         counts[UNSEEN] += way
@@ -137,24 +146,81 @@ def _cap_speed(velocity: NDArray[np.float32], max_speed: np.float32) -> None:
 
 @njit(**FAST)
 def _satisfy_constraints(
-    position: NDArray[np.float32], constraints: Constraints, settings: StepSettings
+    state: ClothState, constraints: Constraints, settings: StepSettings
 ) -> None:
-    """Sweep once over each kind of constraint, the stiffest last."""
+    """Sweep over each kind of constraint, the stiffest last."""
     rows, columns = constraints.vertices
     planes, shortest = constraints.planes, constraints.shortest
-    load_planes(position, planes, rows, columns)
-    resist_bending(planes, constraints.bend, rows, columns, settings.bending_compliance)
-    limit_sharpness(planes, rows, columns, shortest[0], shortest[1], shortest[2])
-    resist_shear(planes, rows, columns, constraints.leg, settings.shear_compliance)
-    hold_lengths(
-        planes,
-        constraints.length_x,
-        constraints.length_y,
-        rows,
-        columns,
-        settings.stretch_compliance,
-    )
-    store_planes(planes, position, rows, columns)
+    if settings.rows or settings.weave or shortest[2] > 0:
+        load_planes(state.position, planes, rows, columns)
+        if settings.rows:
+            resist_bending(planes, constraints.bend, rows, columns, settings.bending_compliance)
+        if shortest[2] > 0:
+            limit_sharpness(planes, rows, columns, shortest[0], shortest[1], shortest[2])
+        if settings.weave:
+            resist_shear(planes, rows, columns, constraints.leg, settings.shear_compliance)
+            hold_lengths(
+                planes,
+                constraints.length_x,
+                constraints.length_y,
+                rows,
+                columns,
+                settings.stretch_compliance,
+            )
+        store_planes(planes, state.position, rows, columns)
+    if not settings.weave:
+        _hold_springs(state, constraints.lattice, settings)
+
+
+@njit(**FAST)
+def _swing_hinges(
+    state: ClothState, lattice: Lattice, settings: StepSettings, substep: int
+) -> None:
+    """Accelerate the vertices by the hinges, which are looked up anew every few substeps."""
+    acceleration, velocity = lattice.hinge_accelerations, state.velocity
+    if substep % settings.hinge_interval == 0:
+        turn_hinges(
+            state.position,
+            lattice.hinges,
+            lattice.hinge_angles,
+            lattice.hinge_gains,
+            settings.hinge_stiffness,
+            acceleration,
+        )
+    for v in range(velocity.shape[0]):
+        for k in range(3):
+            velocity[v, k] += settings.substep * acceleration[v, k]
+
+
+@njit(**FAST)
+def _hold_springs(state: ClothState, lattice: Lattice, settings: StepSettings) -> None:
+    """Sweep over the damped springs of diagonals, which only pull, and of sides."""
+    sides = lattice.edges.shape[0]
+    multipliers = lattice.multipliers
+    multipliers[:] = 0.0
+    for _ in range(settings.spring_sweeps):
+        hold_damped_lengths(
+            state.position,
+            state.previous,
+            lattice.mobility,
+            lattice.diagonals,
+            lattice.diagonal_lengths,
+            multipliers[sides:],
+            settings.shear_compliance,
+            -1.0,
+            settings.internal_damping,
+        )
+        hold_damped_lengths(
+            state.position,
+            state.previous,
+            lattice.mobility,
+            lattice.edges,
+            lattice.edge_lengths,
+            multipliers[:sides],
+            settings.stretch_compliance,
+            settings.squeeze_compliance,
+            settings.internal_damping,
+        )
 
 
 @njit(**FAST)
@@ -185,10 +251,15 @@ def _collide(
         int(counts[CONTACTS]),
         settings.thickness,
         settings.cloth_friction,
+        settings.separation,
     )
     collide_edges(state.position, memory.edge_pairs, settings.edge_thickness)
     collide_with_desk(
-        state.position, state.previous, HALF * settings.thickness, settings.desk_friction
+        state.position,
+        state.previous,
+        settings.rest_height,
+        settings.desk_friction,
+        settings.separation,
     )
 
 

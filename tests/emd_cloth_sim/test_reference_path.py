@@ -1,0 +1,50 @@
+"""Claims about the hands' path of the authors' generator."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from emd_cloth_sim.reference_path import ReferencePathConfig, reference_offsets
+from emd_core.errors import InvalidInputError
+
+REFERENCE = Path(__file__).parents[2].parent / "shared" / "data" / "blender_reference"
+CONFIG = ReferencePathConfig(half_extent=1.0)
+
+
+def test_path_has_the_quirks_of_the_generator() -> None:
+    """It starts beside the grasp, the more the shorter the way, and ends one lift above it."""
+    for length in (0.1, 0.5, 1.4):
+        offsets = reference_offsets(np.array([0.0, -length]), CONFIG)
+        np.testing.assert_allclose(offsets[0], [0.0, -0.03125 / length, 0.0], atol=1e-9)
+        assert offsets[-2, 2] == pytest.approx(0.25)
+        assert offsets[-1, 2] == pytest.approx(0.25 * (1.0 - CONFIG.sink))
+        frames = np.ceil(np.hypot(0.25, length) / 0.05)
+        assert len(offsets) == frames + 2
+
+
+def test_path_ends_where_the_reference_hand_ended() -> None:
+    """Ends of all recorded manipulations agree to half precision."""
+    files = sorted(REFERENCE.glob("*.npz"))
+    if not files:
+        pytest.skip("the shared reference sequences are not here")
+    for path in files:
+        with np.load(path) as stored:
+            moves, ends = stored["moves"][0], stored["hand_displacements"][0]
+        ours = [reference_offsets(move, CONFIG)[-1, :2] for move in moves.astype(np.float64)]
+        np.testing.assert_allclose(ours, ends, atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    "values", [{"lift": 0.0}, {"sink": 1.5}, {"frames_after": -1}, {"frame": float("nan")}]
+)
+def test_bad_path_is_rejected(values: dict) -> None:
+    """A value out of range raises InvalidInputError."""
+    with pytest.raises(InvalidInputError):
+        ReferencePathConfig(**values)
+
+
+def test_path_needs_a_displacement() -> None:
+    """A displacement of zero, by whose length the generator divides, is rejected."""
+    with pytest.raises(InvalidInputError):
+        reference_offsets(np.zeros(2), CONFIG)
