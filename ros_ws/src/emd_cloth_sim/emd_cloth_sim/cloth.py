@@ -13,6 +13,7 @@ from emd_cloth_sim.hand import Hand, check_transform
 from emd_cloth_sim.mesh import build_mesh, flat_positions
 from emd_cloth_sim.step_data import (
     CLEAN,
+    PUT_BACK,
     UNSEEN,
     ClothState,
     Held,
@@ -222,7 +223,7 @@ class Cloth:
             self._growth *= 2
             counts = self._memory.counts
             self._memory = contact_memory(self.config, self._growth)
-            self._memory.counts[CLEAN:] = counts[CLEAN:]
+            self._memory.counts[[CLEAN, PUT_BACK, UNSEEN]] = counts[[CLEAN, PUT_BACK, UNSEEN]]
 
     def _held(self, start: float, end: float, substep: float) -> Held:
         reach = [

@@ -16,15 +16,32 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from emd_cloth_sim.broad_phase import Candidates, Contacts
 from emd_cloth_sim.closest_points import closest_on_triangle, height_over_triangle
+from emd_cloth_sim.contact_pairs import Candidates, Contacts, Segments
 from emd_cloth_sim.mesh import IndexArray
 from emd_cloth_sim.planes import FAST
 
 Positions = NDArray[np.floating[Any]]
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 IN_CONTACT = np.float32(-1.0)
+LONG = np.float32(1.0)
 TINY = np.float32(1e-9)
+
+
+@njit(inline="always")
+def _gap(
+    position: Positions,
+    v: int,
+    a: int,
+    b: int,
+    c: int,
+    wa: np.float32,
+    wb: np.float32,
+    wc: np.float32,
+    k: int,
+) -> np.float32:
+    """From the triangle's point to the vertex, along axis k."""
+    return position[v, k] - wa * position[a, k] - wb * position[b, k] - wc * position[c, k]
 
 
 @njit(**FAST)
@@ -32,22 +49,25 @@ def find_contacts(
     position: Positions,
     triangles: IndexArray,
     candidates: Candidates,
-    count: int,
-    travelled: np.float32,
+    segments: Segments,
+    m: int,
+    so_far: np.float32,
     horizon: np.float32,
     thickness: np.float32,
     contacts: Contacts,
+    found: int,
 ) -> int:
-    """List the candidates that may touch before the cloth has travelled the `horizon`.
+    """Add those candidates of pair m of patches that may touch before these move the `horizon`.
 
-    A pair in contact (its wake is -1) remembers on which side of the triangle its vertex was, so
-    that a vertex that came through is pushed back; beside the triangle it may change sides.
-    Returns how many pairs there are.
+    The patches have moved `so_far`. A pair in contact (its wake is -1) remembers on which side of
+    the triangle its vertex was, so that a vertex that came through is pushed back; beside the
+    triangle it may change sides. Returns how many contacts there are.
     """
     vertex, triangle, side, wake = candidates
-    found = 0
-    for n in range(count):
-        if travelled + horizon < wake[n]:
+    first_wake = so_far + LONG
+    for n in range(segments.start[m], segments.stop[m]):
+        if so_far + horizon < wake[n]:
+            first_wake = min(first_wake, wake[n])
             continue
         v, t = vertex[n], triangle[n]
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
@@ -56,34 +76,33 @@ def find_contacts(
             # It slept, so it has not touched since: whatever side it is on now is right.
             side[n] = ONE if height >= ZERO else -ONE
         height *= side[n]
-        if height >= thickness + horizon:
-            wake[n] = travelled + height - thickness
-            continue
-        wa, wb, wc = closest_on_triangle(
-            position[v, 0], position[v, 1], position[v, 2], position, a, b, c
-        )
-        x = position[v, 0] - wa * position[a, 0] - wb * position[b, 0] - wc * position[c, 0]
-        y = position[v, 1] - wa * position[a, 1] - wb * position[b, 1] - wc * position[c, 1]
-        z = position[v, 2] - wa * position[a, 2] - wb * position[b, 2] - wc * position[c, 2]
-        distance = math.sqrt(x * x + y * y + z * z)
-        gap, sign = distance, ONE
-        if wa > ZERO and wb > ZERO and wc > ZERO:
-            gap = height
+        gap = height
+        if height < thickness + horizon:
+            wa, wb, wc = closest_on_triangle(
+                position[v, 0], position[v, 1], position[v, 2], position, a, b, c
+            )
+            x = _gap(position, v, a, b, c, wa, wb, wc, 0)
+            y = _gap(position, v, a, b, c, wa, wb, wc, 1)
+            z = _gap(position, v, a, b, c, wa, wb, wc, 2)
+            distance = math.sqrt(x * x + y * y + z * z)
             sign = ONE if height > ZERO else -ONE
-        elif height < ZERO:
-            side[n] = -side[n]
-        if gap >= thickness + horizon:
-            wake[n] = travelled + gap - thickness
-            continue
-        wake[n] = IN_CONTACT if gap < thickness else travelled
-        if distance < TINY:
-            continue
-        corners, weights, normal = contacts
-        corners[found, 0], corners[found, 1], corners[found, 2], corners[found, 3] = v, a, b, c
-        weights[found, 0], weights[found, 1], weights[found, 2] = wa, wb, wc
-        sign /= distance
-        normal[found, 0], normal[found, 1], normal[found, 2] = x * sign, y * sign, z * sign
-        found += 1
+            if not (wa > ZERO and wb > ZERO and wc > ZERO):
+                gap, sign = distance, ONE
+                if height < ZERO:
+                    side[n] = -side[n]
+            if gap < thickness + horizon and distance > TINY:
+                sign /= distance
+                corners, weights, normal = contacts
+                corners[found, 0], corners[found, 1] = v, a
+                corners[found, 2], corners[found, 3] = b, c
+                weights[found, 0], weights[found, 1], weights[found, 2] = wa, wb, wc
+                normal[found, 0] = x * sign
+                normal[found, 1] = y * sign
+                normal[found, 2] = z * sign
+                found += 1
+        wake[n] = so_far + gap - thickness if gap >= thickness else IN_CONTACT
+        first_wake = min(first_wake, wake[n])
+    segments.wake[m] = first_wake
     return found
 
 
@@ -117,22 +136,6 @@ def collide_with_self(
                 min(thickness - gap, thickness),
                 friction,
             )
-
-
-@njit(inline="always")
-def _gap(
-    position: Positions,
-    v: int,
-    a: int,
-    b: int,
-    c: int,
-    wa: np.float32,
-    wb: np.float32,
-    wc: np.float32,
-    k: int,
-) -> np.float32:
-    """From the triangle's point to the vertex, along axis k."""
-    return position[v, k] - wa * position[a, k] - wb * position[b, k] - wc * position[c, k]
 
 
 @njit(inline="always")
