@@ -45,7 +45,7 @@ class ClothConfig:
             layers at its spot (paper, IV-B).
         grip_force: Force at which cloth slips after its hand instead of being torn, N.
         press_force: The same downwards: fingertips cannot push slack cloth into a pile, N.
-        settle_speed: The cloth rests when no vertex is faster than this, m/s.
+        settle_speed: The cloth rests when no more than one vertex in a thousand is faster, m/s.
         settle_time: For how long it must be so, seconds.
     """
 

@@ -55,14 +55,14 @@ def find_contacts(
     horizon: np.float32,
     thickness: np.float32,
     contacts: Contacts,
-    found: int,
-) -> int:
-    """Add those candidates of pair m of patches that may touch before these move the `horizon`.
+) -> None:
+    """List those candidates of pair m of patches that may touch before these move the `horizon`.
 
     The patches have moved `so_far`. A pair in contact (its wake is -1) remembers on which side of
     the triangle its vertex was, so that a vertex that came through is pushed back; beside the
-    triangle it may change sides. Returns how many contacts there are.
+    triangle it may change sides.
     """
+    found = segments.start[m]
     vertex, triangle, side, wake = candidates
     first_wake = so_far + LONG
     for n in range(segments.start[m], segments.stop[m]):
@@ -103,7 +103,8 @@ def find_contacts(
         wake[n] = so_far + gap - thickness if gap >= thickness else IN_CONTACT
         first_wake = min(first_wake, wake[n])
     segments.wake[m] = first_wake
-    return found
+    segments.touching[m] = found - segments.start[m]
+    segments.good[m] = so_far + horizon
 
 
 @njit(**FAST)
@@ -111,31 +112,36 @@ def collide_with_self(
     position: Positions,
     previous: Positions,
     contacts: Contacts,
-    count: int,
+    segments: Segments,
+    pairs: int,
     thickness: np.float32,
     friction: np.float32,
 ) -> None:
-    """Push vertices and triangles that are closer than `thickness` apart, with friction."""
+    """Push vertices and triangles that are closer than `thickness` apart, with friction.
+
+    They are the contacts of the first `pairs` pairs of patches.
+    """
     corners, weights, normal = contacts
-    for n in range(count):
-        v, a, b, c = corners[n, 0], corners[n, 1], corners[n, 2], corners[n, 3]
-        wa, wb, wc = weights[n, 0], weights[n, 1], weights[n, 2]
-        nx, ny, nz = normal[n, 0], normal[n, 1], normal[n, 2]
-        gap = (
-            nx * _gap(position, v, a, b, c, wa, wb, wc, 0)
-            + ny * _gap(position, v, a, b, c, wa, wb, wc, 1)
-            + nz * _gap(position, v, a, b, c, wa, wb, wc, 2)
-        )
-        if gap < thickness:
-            _push_apart(
-                position,
-                previous,
-                (v, a, b, c),
-                (wa, wb, wc),
-                (nx, ny, nz),
-                min(thickness - gap, thickness),
-                friction,
+    for m in range(pairs):
+        for n in range(segments.start[m], segments.start[m] + segments.touching[m]):
+            v, a, b, c = corners[n, 0], corners[n, 1], corners[n, 2], corners[n, 3]
+            wa, wb, wc = weights[n, 0], weights[n, 1], weights[n, 2]
+            nx, ny, nz = normal[n, 0], normal[n, 1], normal[n, 2]
+            gap = (
+                nx * _gap(position, v, a, b, c, wa, wb, wc, 0)
+                + ny * _gap(position, v, a, b, c, wa, wb, wc, 1)
+                + nz * _gap(position, v, a, b, c, wa, wb, wc, 2)
             )
+            if gap < thickness:
+                _push_apart(
+                    position,
+                    previous,
+                    (v, a, b, c),
+                    (wa, wb, wc),
+                    (nx, ny, nz),
+                    min(thickness - gap, thickness),
+                    friction,
+                )
 
 
 @njit(inline="always")

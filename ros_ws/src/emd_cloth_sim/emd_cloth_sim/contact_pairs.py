@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -32,22 +33,29 @@ class Candidates(NamedTuple):
 
 
 class Segments(NamedTuple):
-    """The candidates of each pair of patches, shapes (P,).
+    """The candidates and contacts of each pair of patches, shapes (P,).
 
     Attributes:
-        start: Its first candidate, and `stop` the one after its last.
-        search: When its patches have moved this far it is searched again, metres.
+        start: Its first candidate and first contact.
+        stop: The place after its last candidate.
+        touching: How many contacts it has.
+        search: When its patches have moved this far its candidates are searched again, metres.
         wake: The first wake among its candidates, metres.
+        good: When its patches have moved this far its contacts are listed again, metres.
     """
 
     start: IndexArray
     stop: IndexArray
+    touching: IndexArray
     search: Singles
     wake: Singles
+    good: Singles
 
 
 class Contacts(NamedTuple):
-    """Pairs that may touch within the next few substeps.
+    """Candidates that may touch within the next few substeps.
+
+    Those of a pair of patches begin at the place of its first candidate.
 
     Attributes:
         corners: The vertex and the triangle's three, shape (M, 4).
@@ -68,13 +76,11 @@ class Motion(NamedTuple):
     Attributes:
         moved: Way so far.
         last: Way in the last substep.
-        limit: Way up to which the list of contacts is good.
         boxed: Way so far when the patch's boxes were made; negative if they are not.
     """
 
     moved: Singles
     last: Singles
-    limit: Singles
     boxed: Singles
 
 
@@ -93,6 +99,8 @@ def allocate_segments(size: int) -> Segments:
     return Segments(
         np.empty(size, np.int32),
         np.empty(size, np.int32),
+        np.empty(size, np.int32),
+        np.empty(size, np.float32),
         np.empty(size, np.float32),
         np.empty(size, np.float32),
     )
@@ -109,23 +117,16 @@ def allocate_contacts(size: int) -> Contacts:
 
 def allocate_motion(patches: int) -> Motion:
     """Motion of patches that rest."""
-    return Motion(*(np.zeros(patches, np.float32) for _ in range(4)))
+    return Motion(*(np.zeros(patches, np.float32) for _ in range(3)))
 
 
 @njit(**FAST)
-def note_motion(ways: Singles, patches: Patches, motion: Motion) -> bool:
-    """Add a substep, given its square way of every vertex (V,), to the motion of the patches.
-
-    Returns whether the list of contacts may not last for another such substep.
-    """
-    late = 0
+def note_motion(ways: Singles, patches: Patches, motion: Motion) -> None:
+    """Add a substep, given its square way of every vertex (V,), to the motion of the patches."""
     for p in range(motion.moved.shape[0]):
         longest = np.float32(0.0)
         for n in range(p * PLACES, (p + 1) * PLACES):
             if patches.places[n] >= 0:
                 longest = max(longest, ways[patches.places[n]])
-        way = np.sqrt(longest)
-        motion.last[p] = way
-        motion.moved[p] += way
-        late += motion.moved[p] + way > motion.limit[p]
-    return late > 0
+        motion.last[p] = math.sqrt(longest)
+        motion.moved[p] += motion.last[p]

@@ -52,13 +52,13 @@ def list_pairs(
     fill_normals(position, triangles, patches)
     for p in range(motion.moved.shape[0]):
         motion.moved[p] = motion.boxed[p] = ZERO
-        motion.limit[p] = -ONE
     count = pair_patches(patches, FACING, PAIR_MARGIN)
     for m in range(count):
         gap = gap_between(patches.patch_boxes, patches.pairs[m, 0], patches.pairs[m, 1])
-        segments.start[m] = segments.stop[m] = 0
+        segments.start[m] = segments.stop[m] = segments.touching[m] = 0
         segments.search[m] = max(gap, ZERO)
         segments.wake[m] = NEVER
+        segments.good[m] = -ONE
     return count
 
 

@@ -35,7 +35,7 @@ EDGE_THICKNESS = 0.5
 MAX_EDGE_PAIRS = 2048
 MAX_CROSSINGS_LISTED = 4096
 # Places in `ContactMemory.counts`.
-PAIRS, CANDIDATES, CONTACTS, CLEAN, PUT_BACK, UNSEEN, LATE, LISTED = range(8)
+PAIRS, CANDIDATES, CLEAN, PUT_BACK, UNSEEN = range(5)
 
 Singles = NDArray[np.float32]
 
@@ -90,10 +90,9 @@ class ContactMemory(NamedTuple):
     """Pairs that may touch, and the memory to search them.
 
     `ways` is the square way of each vertex in the last substep, `seen` what the look for crossings
-    works on. `counts` holds the number of pairs of patches (-1: not listed yet), of candidates and
-    of contacts, whether the cloth was free of crossings when last looked at, how often a vertex has
-    been put back for one, the way of two layers since that look, whether the contacts may not last,
-    and how often pairs of patches have been listed.
+    works on. `counts` holds the number of pairs of patches (-1: not listed yet) and of candidates,
+    whether the cloth was free of crossings when last looked at, how often a vertex has been put
+    back for one, and how far two layers may have approached each other since that look.
     """
 
     patches: Patches
@@ -168,7 +167,7 @@ def contact_memory(config: ClothConfig, growth: int = 1) -> ContactMemory:
         make_patches(config.vertices),
         allocate_edge_pairs(MAX_EDGE_PAIRS),
         np.empty((MAX_CROSSINGS_LISTED, 5), dtype=np.int32),
-        np.array([-1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0]),
+        np.array([-1.0, 0.0, 0.0, 0.0, 0.0]),
     )
 
 

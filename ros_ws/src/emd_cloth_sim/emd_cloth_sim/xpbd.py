@@ -29,9 +29,6 @@ from emd_cloth_sim.planes import FAST, load_planes, store_planes
 from emd_cloth_sim.step_data import (
     CANDIDATES,
     CLEAN,
-    CONTACTS,
-    LATE,
-    LISTED,
     PAIRS,
     PUT_BACK,
     UNSEEN,
@@ -44,11 +41,9 @@ from emd_cloth_sim.step_data import (
 )
 
 ONE, HALF = np.float32(1.0), np.float32(0.5)
-# Contacts are listed every so many substeps, or when a patch has gone farther than so many of its
-# last ways and a little.
-CONTACT_SUBSTEPS = 4
+# Contacts of two patches are good for so many of their last ways and a little, metres.
 HORIZON_WAYS = np.float32(6.0)
-LEAST_HORIZON = np.float32(3e-5)
+LEAST_HORIZON = np.float32(1e-4)
 
 
 @njit(**FAST)
@@ -67,16 +62,15 @@ def advance_step(
     """
     counts = memory.counts
     for s in range(first, settings.substeps):
-        if counts[PAIRS] < 0 or counts[LATE] > 0 or s % CONTACT_SUBSTEPS == 0:
-            if not refresh_contacts(state.position, constraints, memory, settings):
-                return s
+        if not refresh_contacts(state.position, constraints, memory, settings):
+            return s
         integrate(state, settings)
         progress = np.float32((s + 1.0) / settings.substeps)
         pull_to_hands(state.position, held.vertices, held.start, held.end, progress, held.reach)
         _satisfy_constraints(state.position, constraints, settings)
         _collide(state, memory, settings)
         way = update_velocity(state, settings.substep, settings.max_speed, memory.ways)
-        counts[LATE] = note_motion(memory.ways, memory.patches, memory.motion)
+        note_motion(memory.ways, memory.patches, memory.motion)
         counts[UNSEEN] += 2.0 * way
     if counts[UNSEEN] > UNSEEN_WAY * settings.thickness:
         undo(state, constraints, memory, settings)
@@ -166,7 +160,8 @@ def _collide(state: ClothState, memory: ContactMemory, settings: StepSettings) -
         state.position,
         state.previous,
         memory.contacts,
-        int(memory.counts[CONTACTS]),
+        memory.segments,
+        int(memory.counts[PAIRS]),
         settings.thickness,
         settings.cloth_friction,
     )
@@ -240,7 +235,6 @@ def refresh_contacts(
                 motion,
             )
             counts[CANDIDATES] = 0
-            counts[LISTED] += 1
         fresh = counts[CANDIDATES] == 0
         if _refresh_segments(position, constraints, memory, settings):
             return True
@@ -258,15 +252,15 @@ def _refresh_segments(
     settings: StepSettings,
 ) -> bool:
     counts, motion, segments = memory.counts, memory.motion, memory.segments
-    for p in range(motion.moved.shape[0]):
-        motion.limit[p] = motion.moved[p] + HORIZON_WAYS * motion.last[p] + LEAST_HORIZON
-    found = 0
     used = int(counts[CANDIDATES])
     for m in range(int(counts[PAIRS])):
         p, q = memory.patches.pairs[m, 0], memory.patches.pairs[m, 1]
         so_far = motion.moved[p] + motion.moved[q]
-        until = motion.limit[p] + motion.limit[q]
-        if until >= segments.search[m]:
+        last = motion.last[p] + motion.last[q]
+        if so_far + last <= segments.good[m]:
+            continue
+        horizon = HORIZON_WAYS * last + LEAST_HORIZON
+        if so_far + horizon >= segments.search[m]:
             used = search_pair(
                 position,
                 constraints.triangles,
@@ -282,22 +276,20 @@ def _refresh_segments(
             )
             if used < 0:
                 return False
-        if until < segments.wake[m]:
+        if so_far + horizon < segments.wake[m]:
+            segments.touching[m] = 0
+            segments.good[m] = min(segments.wake[m], segments.search[m])
             continue
-        if found + segments.stop[m] - segments.start[m] > memory.contacts.corners.shape[0]:
-            return False
-        found = find_contacts(
+        find_contacts(
             position,
             constraints.triangles,
             memory.candidates,
             segments,
             m,
             so_far,
-            until - so_far,
+            horizon,
             settings.thickness,
             memory.contacts,
-            found,
         )
     counts[CANDIDATES] = used
-    counts[CONTACTS] = found
     return True
