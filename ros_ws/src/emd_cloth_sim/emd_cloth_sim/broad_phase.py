@@ -55,56 +55,6 @@ class Patches(NamedTuple):
     cones: NDArray[np.float32]
 
 
-class Candidates(NamedTuple):
-    """Pairs that may touch before the next search, all of shape (M,).
-
-    Attributes:
-        vertex: Vertex of a pair.
-        triangle: Its triangle.
-        side: Side of the triangle on which the vertex is, 1 or -1.
-        wake: The pair sleeps until the cloth has travelled this far since the search, metres;
-            -1 for a pair in contact.
-    """
-
-    vertex: IndexArray
-    triangle: IndexArray
-    side: NDArray[np.float32]
-    wake: NDArray[np.float32]
-
-
-class Contacts(NamedTuple):
-    """Pairs that may touch within the next few substeps.
-
-    Attributes:
-        corners: The vertex and the triangle's three, shape (M, 4).
-        weights: Barycentric, of the triangle's point that is closest to the vertex, shape (M, 3).
-        normal: Unit vector from there to the side on which the vertex belongs, shape (M, 3).
-    """
-
-    corners: IndexArray
-    weights: NDArray[np.float32]
-    normal: NDArray[np.float32]
-
-
-def allocate_candidates(size: int) -> Candidates:
-    """Make lists for `size` pairs."""
-    return Candidates(
-        np.empty(size, np.int32),
-        np.empty(size, np.int32),
-        np.empty(size, np.float32),
-        np.empty(size, np.float32),
-    )
-
-
-def allocate_contacts(size: int) -> Contacts:
-    """Make lists for `size` pairs."""
-    return Contacts(
-        np.empty((size, 4), np.int32),
-        np.empty((size, 3), np.float32),
-        np.empty((size, 3), np.float32),
-    )
-
-
 def make_patches(vertices: tuple[int, int]) -> Patches:
     """Cut a mesh into patches."""
     rows, columns = vertices
@@ -138,29 +88,44 @@ def make_patches(vertices: tuple[int, int]) -> Patches:
 def fill_boxes(
     position: NDArray[np.float32], rows: int, columns: int, pad: np.float32, patches: Patches
 ) -> None:
-    """Put boxes grown by `pad` around the cells and patches; a cell at the hem is what it has."""
-    places, boxes, patch_boxes = patches.places, patches.boxes, patches.patch_boxes
+    """Put boxes grown by `pad` around all cells and patches."""
+    patch_boxes = patches.patch_boxes
     for n in range(patch_boxes.shape[0]):
         patch_boxes[n] = FAR if n // PLACES % 2 == 0 else -FAR
-    for n in range(places.shape[0]):
-        v = max(places[n], 0)
-        right = v + columns if patches.rows[n] + 1 < rows else v
-        up = 1 if patches.columns[n] + 1 < columns else 0
-        at = n // PLACES * 6 * PLACES + n % PLACES
-        p = n // PLACES
-        around = p // PLACES * 6 * PLACES + p % PLACES
-        for k in range(3):
+    for p in range(patches.places.shape[0] // PLACES):
+        fill_patch(position, rows, columns, pad, patches, p)
+
+
+@njit(**FAST)
+def fill_patch(
+    position: NDArray[np.float32],
+    rows: int,
+    columns: int,
+    pad: np.float32,
+    patches: Patches,
+    p: int,
+) -> None:
+    """Put boxes grown by `pad` around a patch and its cells; a cell at the hem is what it has."""
+    places, boxes, patch_boxes = patches.places, patches.boxes, patches.patch_boxes
+    around = p // PLACES * 6 * PLACES + p % PLACES
+    for k in range(3):
+        patch_low, patch_high = FAR, -FAR
+        for s in range(PLACES):
+            n = p * PLACES + s
             low, high = FAR, -FAR
             if places[n] >= 0:
+                v = places[n]
+                right = v + columns if patches.rows[n] + 1 < rows else v
+                up = 1 if patches.columns[n] + 1 < columns else 0
                 a, b = position[v, k], position[v + up, k]
                 c, d = position[right, k], position[right + up, k]
                 low = min(min(a, b), min(c, d)) - pad
                 high = max(max(a, b), max(c, d)) + pad
-            boxes[at + 2 * k * PLACES] = low
-            boxes[at + (2 * k + 1) * PLACES] = high
-            lowest, highest = around + 2 * k * PLACES, around + (2 * k + 1) * PLACES
-            patch_boxes[lowest] = min(patch_boxes[lowest], low)
-            patch_boxes[highest] = max(patch_boxes[highest], high)
+            boxes[(6 * p + 2 * k) * PLACES + s] = low
+            boxes[(6 * p + 2 * k + 1) * PLACES + s] = high
+            patch_low, patch_high = min(patch_low, low), max(patch_high, high)
+        patch_boxes[around + 2 * k * PLACES] = patch_low
+        patch_boxes[around + (2 * k + 1) * PLACES] = patch_high
 
 
 @njit(**FAST)
@@ -220,16 +185,17 @@ def _smooth(patches: Patches, p: int, q: int, facing: np.float32) -> bool:
 
 
 @njit(**FAST)
-def pair_patches(patches: Patches, facing: np.float32) -> int:
+def pair_patches(patches: Patches, facing: np.float32, gap: np.float32) -> int:
     """List the pairs of patches, first no later than second, that may touch.
 
-    Their boxes overlap, and they are not neighbours all of whose normals are within one cone, the
+    Their boxes are less than `gap` (metres) apart, and they are not neighbours all of whose normals are within one cone, the
     cosine of whose half angle is `facing` (above 1: none are).
     """
     boxes, pairs = patches.patch_boxes, patches.pairs
     found = 0
     for p in range(patches.places.shape[0] // PLACES):
         x0, x1, y0, y1, z0, z1 = box_of(boxes, p)
+        x0, x1, y0, y1, z0, z1 = x0 - gap, x1 + gap, y0 - gap, y1 + gap, z0 - gap, z1 + gap
         for block in range(p // PLACES, boxes.shape[0] // (6 * PLACES)):
             marks = mark_overlaps(boxes, block, x0, x1, y0, y1, z0, z1)
             while marks != 0:
@@ -256,6 +222,15 @@ def box_of(
         boxes[at + 4 * PLACES],
         boxes[at + 5 * PLACES],
     )
+
+
+@njit(inline="always")
+def gap_between(boxes: Boxes, p: int, q: int) -> np.float32:
+    """Lower bound of the distance between what is in two boxes, negative if they overlap."""
+    px0, px1, py0, py1, pz0, pz1 = box_of(boxes, p)
+    qx0, qx1, qy0, qy1, qz0, qz1 = box_of(boxes, q)
+    x, y, z = max(px0 - qx1, qx0 - px1), max(py0 - qy1, qy0 - py1), max(pz0 - qz1, qz0 - pz1)
+    return max(x, max(y, z))
 
 
 @njit(inline="always")

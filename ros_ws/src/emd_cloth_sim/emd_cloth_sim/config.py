@@ -49,7 +49,7 @@ class ClothConfig:
         grip_force: Force at which cloth slips after its hand instead of being torn, N; infinite
             for a rigid grip, which neither springs nor contacts move.
         press_force: The same downwards: fingertips cannot push slack cloth into a pile, N.
-        settle_speed: The cloth rests when no vertex is faster than this, m/s.
+        settle_speed: The cloth rests when no more than one vertex in a thousand is faster, m/s.
         settle_time: For how long it must be so, seconds.
         membrane: `weave`: sides hold their lengths and cells resist shear. `springs`: the
             reference's lattice of damped springs along sides and diagonals (`springs`), the

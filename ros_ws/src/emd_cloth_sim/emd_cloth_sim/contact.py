@@ -16,109 +16,16 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from emd_cloth_sim.broad_phase import Candidates, Contacts
 from emd_cloth_sim.closest_points import closest_on_triangle, height_over_triangle
+from emd_cloth_sim.contact_pairs import Candidates, Contacts, Segments
 from emd_cloth_sim.mesh import IndexArray
 from emd_cloth_sim.planes import FAST
 
 Positions = NDArray[np.floating[Any]]
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 IN_CONTACT = np.float32(-1.0)
+LONG = np.float32(1.0)
 TINY = np.float32(1e-9)
-
-
-@njit(**FAST)
-def find_contacts(
-    position: Positions,
-    triangles: IndexArray,
-    candidates: Candidates,
-    count: int,
-    travelled: np.float32,
-    horizon: np.float32,
-    thickness: np.float32,
-    contacts: Contacts,
-) -> int:
-    """List the candidates that may touch before the cloth has travelled the `horizon`.
-
-    A pair in contact (its wake is -1) remembers on which side of the triangle its vertex was, so
-    that a vertex that came through is pushed back; beside the triangle it may change sides.
-    Returns how many pairs there are.
-    """
-    vertex, triangle, side, wake = candidates
-    found = 0
-    for n in range(count):
-        if travelled + horizon < wake[n]:
-            continue
-        v, t = vertex[n], triangle[n]
-        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        height = height_over_triangle(position, v, a, b, c)
-        if wake[n] >= ZERO:
-            # It slept, so it has not touched since: whatever side it is on now is right.
-            side[n] = ONE if height >= ZERO else -ONE
-        height *= side[n]
-        if height >= thickness + horizon:
-            wake[n] = travelled + height - thickness
-            continue
-        wa, wb, wc = closest_on_triangle(
-            position[v, 0], position[v, 1], position[v, 2], position, a, b, c
-        )
-        x = position[v, 0] - wa * position[a, 0] - wb * position[b, 0] - wc * position[c, 0]
-        y = position[v, 1] - wa * position[a, 1] - wb * position[b, 1] - wc * position[c, 1]
-        z = position[v, 2] - wa * position[a, 2] - wb * position[b, 2] - wc * position[c, 2]
-        distance = math.sqrt(x * x + y * y + z * z)
-        gap, sign = distance, ONE
-        if wa > ZERO and wb > ZERO and wc > ZERO:
-            gap = height
-            sign = ONE if height > ZERO else -ONE
-        elif height < ZERO:
-            side[n] = -side[n]
-        if gap >= thickness + horizon:
-            wake[n] = travelled + gap - thickness
-            continue
-        wake[n] = IN_CONTACT if gap < thickness else travelled
-        if distance < TINY:
-            continue
-        corners, weights, normal = contacts
-        corners[found, 0], corners[found, 1], corners[found, 2], corners[found, 3] = v, a, b, c
-        weights[found, 0], weights[found, 1], weights[found, 2] = wa, wb, wc
-        sign /= distance
-        normal[found, 0], normal[found, 1], normal[found, 2] = x * sign, y * sign, z * sign
-        found += 1
-    return found
-
-
-@njit(**FAST)
-def collide_with_self(
-    position: Positions,
-    previous: Positions,
-    contacts: Contacts,
-    count: int,
-    thickness: np.float32,
-    friction: np.float32,
-    separation: np.float32,
-) -> None:
-    """Push vertices and triangles that are closer than `thickness` apart, with friction."""
-    corners, weights, normal = contacts
-    for n in range(count):
-        v, a, b, c = corners[n, 0], corners[n, 1], corners[n, 2], corners[n, 3]
-        wa, wb, wc = weights[n, 0], weights[n, 1], weights[n, 2]
-        nx, ny, nz = normal[n, 0], normal[n, 1], normal[n, 2]
-        gap = (
-            nx * _gap(position, v, a, b, c, wa, wb, wc, 0)
-            + ny * _gap(position, v, a, b, c, wa, wb, wc, 1)
-            + nz * _gap(position, v, a, b, c, wa, wb, wc, 2)
-        )
-        if gap < thickness:
-            _push_apart(
-                position,
-                previous,
-                (v, a, b, c),
-                (wa, wb, wc),
-                (nx, ny, nz),
-                min(thickness - gap, thickness),
-                friction,
-                separation,
-            )
 
 
 @njit(inline="always")
@@ -135,6 +42,108 @@ def _gap(
 ) -> np.float32:
     """From the triangle's point to the vertex, along axis k."""
     return position[v, k] - wa * position[a, k] - wb * position[b, k] - wc * position[c, k]
+
+
+@njit(**FAST)
+def find_contacts(
+    position: Positions,
+    triangles: IndexArray,
+    candidates: Candidates,
+    segments: Segments,
+    m: int,
+    so_far: np.float32,
+    horizon: np.float32,
+    thickness: np.float32,
+    contacts: Contacts,
+) -> None:
+    """List those candidates of pair m of patches that may touch before these move the `horizon`.
+
+    The patches have moved `so_far`. A pair in contact (its wake is -1) remembers on which side of
+    the triangle its vertex was, so that a vertex that came through is pushed back; beside the
+    triangle it may change sides.
+    """
+    found = segments.start[m]
+    vertex, triangle, side, wake = candidates
+    first_wake = so_far + LONG
+    for n in range(segments.start[m], segments.stop[m]):
+        if so_far + horizon < wake[n]:
+            first_wake = min(first_wake, wake[n])
+            continue
+        v, t = vertex[n], triangle[n]
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        height = height_over_triangle(position, v, a, b, c)
+        if wake[n] >= ZERO:
+            # It slept, so it has not touched since: whatever side it is on now is right.
+            side[n] = ONE if height >= ZERO else -ONE
+        height *= side[n]
+        gap = height
+        if height < thickness + horizon:
+            wa, wb, wc = closest_on_triangle(
+                position[v, 0], position[v, 1], position[v, 2], position, a, b, c
+            )
+            x = _gap(position, v, a, b, c, wa, wb, wc, 0)
+            y = _gap(position, v, a, b, c, wa, wb, wc, 1)
+            z = _gap(position, v, a, b, c, wa, wb, wc, 2)
+            distance = math.sqrt(x * x + y * y + z * z)
+            sign = ONE if height > ZERO else -ONE
+            if not (wa > ZERO and wb > ZERO and wc > ZERO):
+                gap, sign = distance, ONE
+                if height < ZERO:
+                    side[n] = -side[n]
+            if gap < thickness + horizon and distance > TINY:
+                sign /= distance
+                corners, weights, normal = contacts
+                corners[found, 0], corners[found, 1] = v, a
+                corners[found, 2], corners[found, 3] = b, c
+                weights[found, 0], weights[found, 1], weights[found, 2] = wa, wb, wc
+                normal[found, 0] = x * sign
+                normal[found, 1] = y * sign
+                normal[found, 2] = z * sign
+                found += 1
+        wake[n] = so_far + gap - thickness if gap >= thickness else IN_CONTACT
+        first_wake = min(first_wake, wake[n])
+    segments.wake[m] = first_wake
+    segments.touching[m] = found - segments.start[m]
+    segments.good[m] = so_far + horizon
+
+
+@njit(**FAST)
+def collide_with_self(
+    position: Positions,
+    previous: Positions,
+    contacts: Contacts,
+    segments: Segments,
+    pairs: int,
+    thickness: np.float32,
+    friction: np.float32,
+    separation: np.float32,
+) -> None:
+    """Push vertices and triangles that are closer than `thickness` apart, with friction.
+
+    They are the contacts of the first `pairs` pairs of patches.
+    """
+    corners, weights, normal = contacts
+    for m in range(pairs):
+        for n in range(segments.start[m], segments.start[m] + segments.touching[m]):
+            v, a, b, c = corners[n, 0], corners[n, 1], corners[n, 2], corners[n, 3]
+            wa, wb, wc = weights[n, 0], weights[n, 1], weights[n, 2]
+            nx, ny, nz = normal[n, 0], normal[n, 1], normal[n, 2]
+            gap = (
+                nx * _gap(position, v, a, b, c, wa, wb, wc, 0)
+                + ny * _gap(position, v, a, b, c, wa, wb, wc, 1)
+                + nz * _gap(position, v, a, b, c, wa, wb, wc, 2)
+            )
+            if gap < thickness:
+                _push_apart(
+                    position,
+                    previous,
+                    (v, a, b, c),
+                    (wa, wb, wc),
+                    (nx, ny, nz),
+                    min(thickness - gap, thickness),
+                    friction,
+                    separation,
+                )
 
 
 @njit(inline="always")

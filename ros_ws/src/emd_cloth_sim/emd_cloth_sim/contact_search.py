@@ -8,66 +8,123 @@ from numpy.typing import NDArray
 
 from emd_cloth_sim.broad_phase import (
     PLACES,
-    Candidates,
     Patches,
     fill_boxes,
     fill_normals,
+    fill_patch,
+    gap_between,
     lowest_bit,
     mark_overlaps,
     pair_patches,
 )
 from emd_cloth_sim.closest_points import height_over_triangle
+from emd_cloth_sim.contact_pairs import Candidates, Motion, Segments
 from emd_cloth_sim.mesh import IndexArray
 from emd_cloth_sim.planes import FAST
 
-# Neighbours whose normals are within 60 degrees of one direction do not touch each other.
-FACING = np.float32(0.5)
+# Counts of vertices along x and y, their spacings, and how far apart on the flat sheet a vertex
+# and a cell must be to collide, metres.
+Sheet = tuple[int, int, np.float32, np.float32, np.float32]
+
+# Neighbours whose normals are within 45 degrees of one direction do not touch each other.
+FACING = np.float32(0.7)
+# Way that two patches may move before all pairs of patches are listed anew, metres.
+PAIR_MARGIN = np.float32(0.010)
+NEVER = np.float32(1e9)
 ZERO, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 
 
 @njit(**FAST)
-def find_candidates(
+def list_pairs(
     position: NDArray[np.float32],
     triangles: IndexArray,
-    sheet: tuple[int, int, np.float32, np.float32, np.float32],
+    sheet: Sheet,
+    reach: np.float32,
+    patches: Patches,
+    segments: Segments,
+    motion: Motion,
+) -> int:
+    """List the pairs of patches that may touch before one has moved by half of `PAIR_MARGIN`.
+
+    Each is to be searched when its patches come within `reach` of each other.
+    """
+    fill_boxes(position, sheet[0], sheet[1], HALF * reach, patches)
+    fill_normals(position, triangles, patches)
+    for p in range(motion.moved.shape[0]):
+        motion.moved[p] = motion.boxed[p] = ZERO
+    count = pair_patches(patches, FACING, PAIR_MARGIN)
+    for m in range(count):
+        gap = gap_between(patches.patch_boxes, patches.pairs[m, 0], patches.pairs[m, 1])
+        segments.start[m] = segments.stop[m] = segments.touching[m] = 0
+        segments.search[m] = max(gap, ZERO)
+        segments.wake[m] = NEVER
+        segments.good[m] = -ONE
+    return count
+
+
+@njit(**FAST)
+def search_pair(
+    position: NDArray[np.float32],
+    triangles: IndexArray,
+    sheet: Sheet,
     reach: np.float32,
     thickness: np.float32,
+    m: int,
     patches: Patches,
+    motion: Motion,
     candidates: Candidates,
+    segments: Segments,
+    used: int,
 ) -> int:
-    """List the pairs of vertex and triangle closer than `reach`; -1 if the lists are too short.
+    """Append the candidates of pair m of patches; -1 if the lists are too short.
 
-    `sheet` holds the counts of vertices along x and y, their spacings, and how far apart on the
-    flat sheet a vertex and a cell must be to collide, metres.
+    They are the pairs of vertex and triangle closer than `reach`. Returns the new length.
     """
-    rows, columns = sheet[0], sheet[1]
-    fill_boxes(position, rows, columns, HALF * reach, patches)
-    fill_normals(position, triangles, patches)
-    found = 0
-    for m in range(pair_patches(patches, FACING)):
-        p, q = patches.pairs[m]
-        found = _find_between(
-            position, triangles, sheet, reach, thickness, p, q, patches, candidates, found
+    p, q = patches.pairs[m, 0], patches.pairs[m, 1]
+    for patch in (p, q):
+        if motion.boxed[patch] != motion.moved[patch]:
+            fill_patch(position, sheet[0], sheet[1], HALF * reach, patches, patch)
+            motion.boxed[patch] = motion.moved[patch]
+    so_far = motion.moved[p] + motion.moved[q]
+    gap = gap_between(patches.patch_boxes, p, q)
+    stop = used
+    if gap <= ZERO:
+        stop = _find_between(
+            position, triangles, sheet, reach, thickness, p, q, patches, so_far, candidates, stop
         )
-        if found >= 0 and p != q:
-            found = _find_between(
-                position, triangles, sheet, reach, thickness, q, p, patches, candidates, found
+        if stop >= 0 and p != q:
+            stop = _find_between(
+                position,
+                triangles,
+                sheet,
+                reach,
+                thickness,
+                q,
+                p,
+                patches,
+                so_far,
+                candidates,
+                stop,
             )
-        if found < 0:
+        if stop < 0:
             return -1
-    return found
+    segments.start[m], segments.stop[m] = used, stop
+    segments.search[m] = so_far + max(gap, reach - thickness)
+    segments.wake[m] = so_far if stop > used else NEVER
+    return stop
 
 
 @njit(**FAST)
 def _find_between(
     position: NDArray[np.float32],
     triangles: IndexArray,
-    sheet: tuple[int, int, np.float32, np.float32, np.float32],
+    sheet: Sheet,
     reach: np.float32,
     thickness: np.float32,
     p: int,
     q: int,
     patches: Patches,
+    so_far: np.float32,
     candidates: Candidates,
     found: int,
 ) -> int:
@@ -90,7 +147,7 @@ def _find_between(
                 continue
             for t in range(2 * cell, 2 * cell + 2):
                 found = _add_if_near(
-                    position, triangles, v, t, reach, thickness, candidates, found
+                    position, triangles, v, t, reach, thickness, so_far, candidates, found
                 )
                 if found < 0:
                     return -1
@@ -102,7 +159,7 @@ def _distance_on_sheet(
     patches: Patches,
     vertex: int,
     cell: int,
-    sheet: tuple[int, int, np.float32, np.float32, np.float32],
+    sheet: Sheet,
 ) -> np.float32:
     """Square of the distance of a place's vertex and a place's cell on the flat sheet."""
     rows = patches.rows[cell] - patches.rows[vertex]
@@ -120,6 +177,7 @@ def _add_if_near(
     t: int,
     reach: np.float32,
     thickness: np.float32,
+    so_far: np.float32,
     candidates: Candidates,
     found: int,
 ) -> int:
@@ -133,5 +191,5 @@ def _add_if_near(
     candidates.triangle[found] = t
     candidates.side[found] = ONE if height >= 0 else -ONE
     # The height is a lower bound of the distance, which is worked out when the pair wakes.
-    candidates.wake[found] = max(abs(height) - thickness, ZERO)
+    candidates.wake[found] = so_far + max(abs(height) - thickness, ZERO)
     return found + 1

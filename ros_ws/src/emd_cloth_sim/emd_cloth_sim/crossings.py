@@ -31,6 +31,7 @@ Positions = NDArray[np.floating[Any]]
 # All normals within a right angle of one direction: no crossing.
 FACING = np.float32(0.0)
 EVERYWHERE = np.float32(2.0)
+ZERO = np.float32(0.0)
 # Rounds of putting back before everything is.
 ROUNDS = 20
 # Distances below this are taken as touching, not crossing: what single precision cannot tell.
@@ -57,7 +58,7 @@ def find_crossings(
     fill_normals(position, triangles, patches)
     boxes = patches.boxes
     total = 0
-    for m in range(pair_patches(patches, facing)):
+    for m in range(pair_patches(patches, facing, ZERO)):
         p, q = patches.pairs[m]
         for n in range(p * PLACES, (p + 1) * PLACES):
             one = patches.cells[n]

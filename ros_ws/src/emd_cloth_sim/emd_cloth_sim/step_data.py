@@ -8,30 +8,29 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from emd_cloth_sim.broad_phase import (
+from emd_cloth_sim.broad_phase import Patches, make_patches
+from emd_cloth_sim.config import ClothConfig
+from emd_cloth_sim.contact_pairs import (
     Candidates,
     Contacts,
-    Patches,
+    Motion,
+    Segments,
     allocate_candidates,
     allocate_contacts,
-    make_patches,
+    allocate_motion,
+    allocate_segments,
 )
-from emd_cloth_sim.config import ClothConfig
 from emd_cloth_sim.edge_contact import EdgePairs, allocate_edge_pairs
 from emd_cloth_sim.hinges import cell_hinges
 from emd_cloth_sim.mesh import IndexArray, SheetMesh, cell_diagonals
 from emd_cloth_sim.planes import Plane, empty_planes, to_plane
 from emd_core.frames import FloatArray
 
-# Way that the cloth may travel before the pairs that can touch are searched again, metres: a
+# Way that two patches may approach each other before their pairs are searched again, metres: a
 # longer one means more pairs to look at, a shorter one more searches.
-CONTACT_MARGIN = 0.003
+CONTACT_MARGIN = 0.002
 # Way that two layers may approach each other before crossings are looked for, in thicknesses.
 UNSEEN_WAY = 0.3
-# Normals and weights of contacts are good for so many substeps, unless the cloth speeds up.
-CONTACT_SUBSTEPS = 4
-# Least and greatest way for which they are, metres.
-LEAST_HORIZON, GREATEST_HORIZON = 0.0002, 0.0012
 # Share of the thickness at which watched edges push each other apart.
 EDGE_THICKNESS = 0.5
 MAX_EDGE_PAIRS = 2048
@@ -43,7 +42,7 @@ HINGE_PHASE = 0.5
 UNBOUNDED = 1e30
 MAX_CROSSINGS_LISTED = 4096
 # Places in `ContactMemory.counts`.
-CANDIDATES, TRAVELLED, CONTACTS, GOOD_UNTIL, CLEAN, PUT_BACK, UNSEEN, LAST_WAY = range(8)
+PAIRS, CANDIDATES, CLEAN, PUT_BACK, UNSEEN = range(5)
 
 Singles = NDArray[np.float32]
 
@@ -124,15 +123,19 @@ class Held(NamedTuple):
 class ContactMemory(NamedTuple):
     """Pairs that may touch, and the memory to search them.
 
-    `counts` holds the number of candidates (-1: none searched yet), the way travelled since the
-    search, how many of them are contacts, the way up to which those are good, whether the cloth was
-    free of crossings when last looked at, how often a vertex has been put back for one, the way
-    travelled since that look, and the longest way of the last substep.
+    `ways` is the square way of each vertex in the last substep, `seen` what the look for crossings
+    works on. `counts` holds the number of pairs of patches (-1: not listed yet) and of candidates,
+    whether the cloth was free of crossings when last looked at, how often a vertex has been put
+    back for one, and how far two layers may have approached each other since that look.
     """
 
     patches: Patches
+    segments: Segments
+    motion: Motion
+    ways: Singles
     candidates: Candidates
     contacts: Contacts
+    seen: Patches
     edge_pairs: EdgePairs
     crossings: IndexArray
     counts: NDArray[np.float64]
@@ -229,14 +232,19 @@ def _hinges(config: ClothConfig) -> tuple[IndexArray, FloatArray]:
 
 def contact_memory(config: ClothConfig, growth: int = 1) -> ContactMemory:
     """Make memory for contacts; `growth` multiplies the length of the lists of pairs."""
+    patches = make_patches(config.vertices)
     size = 16 * growth * config.vertices[0] * config.vertices[1]
     return ContactMemory(
-        make_patches(config.vertices),
+        patches,
+        allocate_segments(len(patches.pairs)),
+        allocate_motion(len(patches.cones)),
+        np.zeros(config.vertices[0] * config.vertices[1], dtype=np.float32),
         allocate_candidates(size),
         allocate_contacts(size),
+        make_patches(config.vertices),
         allocate_edge_pairs(MAX_EDGE_PAIRS),
         np.empty((MAX_CROSSINGS_LISTED, 5), dtype=np.int32),
-        np.array([-1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0]),
+        np.array([-1.0, 0.0, 0.0, 0.0, 0.0]),
     )
 
 

@@ -21,7 +21,8 @@ from emd_cloth_sim.constraints import (
     resist_shear,
 )
 from emd_cloth_sim.contact import collide_with_desk, collide_with_self, find_contacts
-from emd_cloth_sim.contact_search import find_candidates
+from emd_cloth_sim.contact_pairs import note_motion
+from emd_cloth_sim.contact_search import PAIR_MARGIN, list_pairs, search_pair
 from emd_cloth_sim.crossings import EVERYWHERE, find_crossings, undo_crossings
 from emd_cloth_sim.edge_contact import collide_edges, forget_parted
 from emd_cloth_sim.hinges import turn_hinges
@@ -30,14 +31,8 @@ from emd_cloth_sim.springs import hold_damped_lengths
 from emd_cloth_sim.step_data import (
     CANDIDATES,
     CLEAN,
-    CONTACT_SUBSTEPS,
-    CONTACTS,
-    GOOD_UNTIL,
-    GREATEST_HORIZON,
-    LAST_WAY,
-    LEAST_HORIZON,
+    PAIRS,
     PUT_BACK,
-    TRAVELLED,
     UNSEEN,
     UNSEEN_WAY,
     ClothState,
@@ -49,7 +44,9 @@ from emd_cloth_sim.step_data import (
 )
 
 ONE = np.float32(1.0)
-TINY = np.float32(1e-30)
+# Contacts of two patches are good for so many of their last ways and a little, metres.
+HORIZON_WAYS = np.float32(6.0)
+LEAST_HORIZON = np.float32(1e-4)
 
 
 @njit(**FAST)
@@ -68,26 +65,22 @@ def advance_step(
     """
     counts = memory.counts
     for s in range(first, settings.substeps):
-        if counts[CANDIDATES] < 0 or counts[TRAVELLED] > 0.8 * settings.margin:
-            undo(state, constraints, memory, settings)
-            _search_contacts(state.position, constraints, memory, settings)
-            if counts[CANDIDATES] < 0:
-                return s
+        if not refresh_contacts(state.position, constraints, memory, settings):
+            return s
         if constraints.lattice.hinges.shape[0] > 0:
             _swing_hinges(state, constraints.lattice, settings, s)
         integrate(state, settings)
         progress = np.float32((s + 1.0) / settings.substeps)
         pull_to_hands(state.position, held.vertices, held.start, held.end, progress, held.reach)
         _satisfy_constraints(state, constraints, settings)
-        _collide(state, constraints, memory, settings)
+        _collide(state, memory, settings)
         if settings.rigid_grip:
             pull_to_hands(
                 state.position, held.vertices, held.start, held.end, progress, held.reach
             )
-        way = 2.0 * update_velocity(state, settings.substep, settings.max_speed)
-        counts[TRAVELLED] += way
-        counts[UNSEEN] += way
-        counts[LAST_WAY] = way
+        way = update_velocity(state, settings.substep, settings.max_speed, memory.ways)
+        note_motion(memory.ways, memory.patches, memory.motion)
+        counts[UNSEEN] += 2.0 * way
     if counts[UNSEEN] > UNSEEN_WAY * settings.thickness:
         undo(state, constraints, memory, settings)
     return settings.substeps
@@ -115,10 +108,12 @@ def integrate(state: ClothState, settings: StepSettings) -> None:
 
 
 @njit(**FAST)
-def update_velocity(state: ClothState, substep: np.float32, max_speed: np.float32) -> float:
+def update_velocity(
+    state: ClothState, substep: np.float32, max_speed: np.float32, ways: NDArray[np.float32]
+) -> float:
     """Take the velocity from the motion of the substep, at most `max_speed`, m/s.
 
-    Returns the longest way, metres.
+    Notes the square of each vertex' way in `ways`, and returns the longest way, metres.
     """
     position, previous, velocity = state.position, state.previous, state.velocity
     rate = ONE / substep
@@ -128,7 +123,8 @@ def update_velocity(state: ClothState, substep: np.float32, max_speed: np.float3
         y = position[v, 1] - previous[v, 1]
         z = position[v, 2] - previous[v, 2]
         velocity[v, 0], velocity[v, 1], velocity[v, 2] = rate * x, rate * y, rate * z
-        longest = max(longest, x * x + y * y + z * z)
+        ways[v] = x * x + y * y + z * z
+        longest = max(longest, ways[v])
     longest = math.sqrt(longest)
     if longest * rate > max_speed:
         _cap_speed(velocity, max_speed)
@@ -224,31 +220,14 @@ def _hold_springs(state: ClothState, lattice: Lattice, settings: StepSettings) -
 
 
 @njit(**FAST)
-def _collide(
-    state: ClothState, constraints: Constraints, memory: ContactMemory, settings: StepSettings
-) -> None:
+def _collide(state: ClothState, memory: ContactMemory, settings: StepSettings) -> None:
     """Resolve contacts; the desk comes last, so that nothing ever sinks into it."""
-    counts = memory.counts
-    if counts[TRAVELLED] > counts[GOOD_UNTIL]:
-        # The substep under way is counted when it is over, so the horizon covers one more.
-        horizon = (CONTACT_SUBSTEPS + 1) * counts[LAST_WAY]
-        horizon = min(max(horizon, LEAST_HORIZON), GREATEST_HORIZON)
-        counts[GOOD_UNTIL] = counts[TRAVELLED] + horizon - counts[LAST_WAY]
-        counts[CONTACTS] = find_contacts(
-            state.position,
-            constraints.triangles,
-            memory.candidates,
-            int(counts[CANDIDATES]),
-            np.float32(counts[TRAVELLED]),
-            np.float32(horizon),
-            settings.thickness,
-            memory.contacts,
-        )
     collide_with_self(
         state.position,
         state.previous,
         memory.contacts,
-        int(counts[CONTACTS]),
+        memory.segments,
+        int(memory.counts[PAIRS]),
         settings.thickness,
         settings.cloth_friction,
         settings.separation,
@@ -271,17 +250,21 @@ def undo(
     rows, columns = constraints.vertices
     memory.counts[UNSEEN] = 0.0
     if memory.counts[CLEAN] > 0:
-        memory.counts[PUT_BACK] += undo_crossings(
+        moved = undo_crossings(
             state.position,
             state.velocity,
             state.safe,
             constraints.triangles,
             rows,
             columns,
-            memory.patches,
+            memory.seen,
             memory.crossings,
             memory.edge_pairs,
         )
+        if moved > 0:
+            # What was put back has moved farther than the lists allow for.
+            memory.counts[PAIRS] = -1.0
+            memory.counts[PUT_BACK] += moved
         forget_parted(state.position, memory.edge_pairs, settings.edge_thickness)
         return
     crossings = find_crossings(
@@ -289,7 +272,7 @@ def undo(
         constraints.triangles,
         rows,
         columns,
-        memory.patches,
+        memory.seen,
         EVERYWHERE,
         memory.crossings,
     )
@@ -299,22 +282,85 @@ def undo(
 
 
 @njit(**FAST)
-def _search_contacts(
+def refresh_contacts(
     position: NDArray[np.float32],
     constraints: Constraints,
     memory: ContactMemory,
     settings: StepSettings,
-) -> None:
-    """Search the pairs that can touch before the cloth has travelled by the margin."""
-    counts = memory.counts
-    counts[CANDIDATES] = find_candidates(
-        position,
-        constraints.triangles,
-        settings.sheet,
-        settings.thickness + settings.margin,
-        settings.thickness,
-        memory.patches,
-        memory.candidates,
-    )
-    counts[TRAVELLED] = 0.0
-    counts[GOOD_UNTIL] = -1.0
+) -> bool:
+    """List the contacts anew, and where patches have moved much, their candidates before.
+
+    Returns false if the lists are too short.
+    """
+    counts, motion = memory.counts, memory.motion
+    # Seldom, and once more if the candidates that are out of date have filled the list.
+    for _ in range(2):
+        if counts[PAIRS] < 0 or motion.moved.max() > 0.45 * PAIR_MARGIN:
+            counts[PAIRS] = list_pairs(
+                position,
+                constraints.triangles,
+                settings.sheet,
+                settings.thickness + settings.margin,
+                memory.patches,
+                memory.segments,
+                motion,
+            )
+            counts[CANDIDATES] = 0
+        fresh = counts[CANDIDATES] == 0
+        if _refresh_segments(position, constraints, memory, settings):
+            return True
+        counts[PAIRS] = -1
+        if fresh:
+            return False
+    return False
+
+
+@njit(**FAST)
+def _refresh_segments(
+    position: NDArray[np.float32],
+    constraints: Constraints,
+    memory: ContactMemory,
+    settings: StepSettings,
+) -> bool:
+    counts, motion, segments = memory.counts, memory.motion, memory.segments
+    used = int(counts[CANDIDATES])
+    for m in range(int(counts[PAIRS])):
+        p, q = memory.patches.pairs[m, 0], memory.patches.pairs[m, 1]
+        so_far = motion.moved[p] + motion.moved[q]
+        last = motion.last[p] + motion.last[q]
+        if so_far + last <= segments.good[m]:
+            continue
+        horizon = HORIZON_WAYS * last + LEAST_HORIZON
+        if so_far + horizon >= segments.search[m]:
+            used = search_pair(
+                position,
+                constraints.triangles,
+                settings.sheet,
+                settings.thickness + settings.margin,
+                settings.thickness,
+                m,
+                memory.patches,
+                motion,
+                memory.candidates,
+                segments,
+                used,
+            )
+            if used < 0:
+                return False
+        if so_far + horizon < segments.wake[m]:
+            segments.touching[m] = 0
+            segments.good[m] = min(segments.wake[m], segments.search[m])
+            continue
+        find_contacts(
+            position,
+            constraints.triangles,
+            memory.candidates,
+            segments,
+            m,
+            so_far,
+            horizon,
+            settings.thickness,
+            memory.contacts,
+        )
+    counts[CANDIDATES] = used
+    return True
