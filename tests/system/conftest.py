@@ -35,7 +35,7 @@ def client(launcher) -> Iterator[CellClient]:
     rclpy.init()
     node = CellClient(on_spin=launcher.require_alive)
     try:
-        node.wait_for_cell(timeout=180.0)
+        node.wait_for_cell(simulated=True)
         yield node
     finally:
         node.destroy_node()

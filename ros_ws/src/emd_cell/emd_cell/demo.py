@@ -80,7 +80,7 @@ def _fold(
     client = CellClient(on_spin=launcher.require_alive)
     loop = FoldingLoop(client, goal.grid, config, report, on_phase)
     try:
-        client.wait_for_cell()
+        client.wait_for_cell(simulated=True)
         loop.run()
     except CellError as err:
         report.error = error_entry(err)

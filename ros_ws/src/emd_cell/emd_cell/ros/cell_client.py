@@ -85,8 +85,10 @@ class CellClient(Node):
         self.create_subscription(VoxelGridMsg, "simulation/voxel_grid", self._on_truth, 5)
         self.create_subscription(Image, "simulation/overview/image_raw", self._on_overview, 50)
 
-    def wait_for_cell(self, timeout: float = 180.0) -> None:
-        """Wait until every node offers its service.
+    def wait_for_cell(self, timeout: float = 300.0, simulated: bool = False) -> None:
+        """Wait until every node offers its service, with `simulated` the simulation too.
+
+        The first start of a simulation compiles its kernels, which takes up to minutes.
 
         Raises:
             DeadlineError: If one is missing after `timeout` seconds.
@@ -96,6 +98,8 @@ class CellClient(Node):
             "planner/plan_fold": self._plan.server_is_ready,
             "arm_executor/execute_manipulation": self._execute.server_is_ready,
         }
+        if simulated:
+            wanted["simulation/reset"] = self._reset.service_is_ready
         deadline = time.monotonic() + timeout
         while missing := [name for name, is_ready in wanted.items() if not is_ready()]:
             if time.monotonic() > deadline:
