@@ -66,6 +66,9 @@ class ClothConfig:
             Needs `springs` and `hinges`.
         desk_gap: Height over the desk at which the cloth's underside rests, metres: a collision
             margin.
+        repair_crossings: Whether vertices of layers that went through each other are put back to
+            where they did not. A cloth that is pulled hard must not: what is put back stays
+            behind, and the cloth between it and the hand stretches.
         max_stretch: A state of which more than 1 % of the edges are stretched by a greater share
             than this cannot be believed.
         separation_speed: Fastest that a contact drives cloth that is too near apart, m/s. What
@@ -102,6 +105,7 @@ class ClothConfig:
     plastic: bool = False
     desk_gap: float = 0.0
     separation_speed: float = math.inf
+    repair_crossings: bool = True
     max_stretch: float = 0.03
 
     def __post_init__(self) -> None:

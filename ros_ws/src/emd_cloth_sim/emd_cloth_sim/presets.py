@@ -53,6 +53,7 @@ REFERENCE = ClothPreset(
         plastic=True,
         desk_gap=0.0352 * 0.40 / 1.4 - 0.0012,
         separation_speed=0.1,
+        repair_crossings=False,
         max_stretch=0.10,
     ),
     ReferencePathConfig(),

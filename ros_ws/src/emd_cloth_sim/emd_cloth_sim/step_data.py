@@ -168,6 +168,7 @@ class StepSettings(NamedTuple):
     weave: bool
     rows: bool
     rigid_grip: bool
+    repair_crossings: bool
     squeeze_compliance: float
     internal_damping: float
     spring_sweeps: int
@@ -282,6 +283,7 @@ def step_settings(config: ClothConfig, substep: float) -> StepSettings:
         weave=weave,
         rows=config.bending == "rows",
         rigid_grip=config.rigid_grip,
+        repair_crossings=config.repair_crossings,
         squeeze_compliance=config.squeeze_ratio * config.stretch_compliance * scale,
         internal_damping=config.internal_damping / substep,
         spring_sweeps=config.spring_sweeps,

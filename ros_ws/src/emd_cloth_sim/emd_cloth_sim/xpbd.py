@@ -249,6 +249,8 @@ def undo(
     """Undo crossings that have come up since the last time; if there were some, look on."""
     rows, columns = constraints.vertices
     memory.counts[UNSEEN] = 0.0
+    if not settings.repair_crossings:
+        return
     if memory.counts[CLEAN] > 0:
         moved = undo_crossings(
             state.position,
