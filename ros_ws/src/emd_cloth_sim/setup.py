@@ -12,6 +12,7 @@ setup(
         ("share/emd_cloth_sim", ["package.xml"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"ray": ["ray==2.60.0"]},
     zip_safe=True,
     license="Apache-2.0",
 )

@@ -91,10 +91,16 @@ class BagReader:
         if self._reader is not None:
             self._reader.close()
 
-    def messages(self) -> Iterator[BagMessage]:
-        """Give the wanted topics' messages in the order of recording."""
+    def first(self, kind: str) -> BagMessage | None:
+        """Give the first message of a kind that can be decoded, or None if there is none."""
+        return next((message for message in self.messages(kind) if not message.error), None)
+
+    def messages(self, *only: str) -> Iterator[BagMessage]:
+        """Give the wanted topics' messages, or those of some kinds, in the order of recording."""
         assert self._reader is not None
-        kinds = {name: kind for kind, name in vars(self._topics).items()}
+        kinds = {
+            name: kind for kind, name in vars(self._topics).items() if not only or kind in only
+        }
         connections = [item for item in self._reader.connections if item.topic in kinds]
         for connection, _, raw in self._reader.messages(connections=connections):
             kind = kinds[connection.topic]

@@ -14,6 +14,7 @@ from types import ModuleType
 from typing import Any
 
 from emd_core.errors import InvalidInputError
+from emd_core.whole_file import write_text
 
 
 @dataclass(frozen=True)
@@ -62,9 +63,7 @@ def run_benchmark(root: Path, name: str, list_all: bool, json_file: Path | None)
     text = json.dumps(document, indent=1)
     print(text)
     if json_file is not None:
-        temporary = json_file.with_suffix(".tmp")
-        temporary.write_text(text)
-        os.replace(temporary, json_file)
+        write_text(json_file, text)
 
 
 def machine() -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -159,6 +160,80 @@ def evaluate_cloth(
 
 
 @app.command()
+def generate(
+    sequences: Annotated[int, typer.Option(help="how many, failed ones included")],
+    out: Annotated[Path, typer.Option(help="folder; the same command goes on after a kill")],
+    steps: Annotated[int, typer.Option(help="manipulations in a sequence")] = 3,
+    mesh: Annotated[int, typer.Option(help="vertices a side")] = 81,
+    workers: Annotated[int | None, typer.Option(help="processes; default: all cores")] = None,
+    seed: Annotated[int, typer.Option(help="of all sequences")] = 0,
+    preset: Annotated[str, typer.Option(help="which cloth")] = "towel",
+    mode: Annotated[str, typer.Option(help="any (the authors' rule), paper, hem, mixed, fold")] = (
+        "any"
+    ),
+    start: Annotated[str, typer.Option(help="flat, or random: a previous outcome")] = "flat",
+    edge_only: Annotated[bool, typer.Option("--edge-only", help="grasp at the edge only")] = False,
+    independent_hands: Annotated[
+        bool, typer.Option("--independent-hands", help="each hand has its own displacement")
+    ] = False,
+    ray: Annotated[str | None, typer.Option(help="address of a Ray cluster, or auto")] = None,
+) -> None:
+    """Generate training sequences on the simulated cloth; docs/data_format.md."""
+    import time
+
+    from emd_cell.generate_command import choose_runner, describe, run_generate
+    from emd_cloth_sim.generation_config import GenerationConfig
+    from emd_cloth_sim.random_manipulation import ManipulationRule
+
+    rule = ManipulationRule(mode, edge_only, independent_hands)
+    config = GenerationConfig(sequences, steps, seed, preset, (mesh, mesh), rule, start)
+    begun = time.monotonic()
+    progress = run_generate(config, out, choose_runner(workers, ray), console)
+    print(describe(progress, steps, time.monotonic() - begun))
+    print(f"written: {out}")
+
+
+@app.command()
+def inspect(
+    directory: Annotated[Path, typer.Argument(help="a data set, or the authors' files")],
+    sheet: Annotated[
+        Path | None, typer.Option(help="picture; default: inspect.png in the directory")
+    ] = None,
+    rows: Annotated[int, typer.Option(min=0, help="sequences in the picture; 0: none")] = 8,
+    json_file: Annotated[Path | None, typer.Option("--json", help="write all figures")] = None,
+) -> None:
+    """Tell what a data set holds: counts, failures, occupancy, baselines, a contact sheet."""
+    from emd_cell.generate_command import report_lines, run_inspect, write_json
+
+    statistics = run_inspect(directory, sheet, rows)
+    print("\n".join(report_lines(statistics)))
+    if json_file is not None:
+        write_json(statistics, json_file)
+
+
+@app.command(name="import-data")
+def import_data(
+    source: Annotated[Path, typer.Argument(help="file or directory of the authors' format")],
+    out: Annotated[Path, typer.Option(help="new folder")],
+) -> None:
+    """Turn files of the paper's authors' generator into a data set."""
+    from emd_cloth_sim.authors_files import import_authors_files
+
+    print(f"{import_authors_files(source, out)} sequences written: {out}")
+
+
+@app.command(name="export-data")
+def export_data(
+    directory: Annotated[Path, typer.Argument(help="a data set")],
+    out: Annotated[Path, typer.Option(help="file (.npz)")],
+) -> None:
+    """Turn a data set into a file of the paper's authors' format."""
+    from emd_cloth_sim.authors_files import export_authors_file
+
+    print(f"{export_authors_file(directory, out)} sequences written: {out}")
+
+
+@app.command()
 def replay(
     bag: Annotated[Path, typer.Argument(help="rosbag2 directory, mcap or sqlite3")],
     out: Annotated[Path, typer.Option(help="voxel grids and summary.json")] = Path("runs/replay"),
@@ -172,7 +247,10 @@ def replay(
     from emd_cell.replay_command import run_replay
 
     summary = run_replay(bag, BagTopics(color, depth, info, pose), out, console)
-    print(f"{summary.frames} frames, {len(summary.grids)} grids, {len(summary.skipped)} skipped")
+    print(
+        f"{summary.frames} pairs of images, {len(summary.grids)} grids, {len(summary.skipped)} "
+        f"skipped, {summary.unpaired} images without a partner"
+    )
     for entry in summary.skipped[:5]:
         print(f"skipped at {entry['stamp']}: {entry['reason']}", file=sys.stderr)
     print(f"written: {out}")
@@ -227,6 +305,8 @@ def lock() -> None:
 
 def main() -> int:
     """Run a command; a user's mistake is one line and status 2, a failure status 1."""
+    for stop in (signal.SIGINT, signal.SIGTERM):  # also where a shell or container ignores SIGINT
+        signal.signal(stop, signal.default_int_handler)
     try:
         app(prog_name="./cell")
     except CellError as err:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
 from emd_core.errors import InvalidInputError
+from emd_core.whole_file import write_text
 
 _HEADING = (
     "# Every version of the environment, for CPython 3.11 and 3.12.\n"
@@ -32,9 +32,7 @@ def write_lock(requirements: Path, lock: Path) -> int:
             raise InvalidInputError(f"pip cannot resolve {requirements}:\n{done.stderr}")
         packages = json.loads(answer.read_text())["install"]
     pins = sorted({_pin(package["metadata"]) for package in packages})
-    temporary = lock.with_suffix(".tmp")
-    temporary.write_text(_HEADING + "".join(f"{pin}\n" for pin in pins))
-    os.replace(temporary, lock)
+    write_text(lock, _HEADING + "".join(f"{pin}\n" for pin in pins))
     return len(pins)
 
 

@@ -42,6 +42,6 @@ def recorder_node(directory: Path) -> NodeSpec:
     return NodeSpec(
         RECORDER,
         "emd_cell.ros.recorder_node",
-        {"use_sim_time": True, "directory": str(directory.resolve())},
+        {"use_sim_time": True, "reliable": True, "directory": str(directory.resolve())},
         restart=False,
     )

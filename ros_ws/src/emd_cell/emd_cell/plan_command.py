@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
 from emd_cell.goals import load_goal
 from emd_core.voxel_grid import VoxelGrid
+from emd_core.whole_file import write_text
 from emd_planner.config import ReachConfig
 from emd_planner.plan import plan
 from emd_planner.weights import load_net
@@ -36,11 +36,10 @@ def plan_files(
         "manipulations": [item.as_entry() for item in found.manipulations],
         "predicted_mse": found.predicted_loss,
         "initial_mse": found.initial_loss,
+        "reconstruction_mse": found.reconstruction_loss,
         "plan_ms": found.planning_ms,
         "iterations": found.iterations,
     }
     if out is not None:
-        temporary = out.with_suffix(".tmp")
-        temporary.write_text(json.dumps(entry, indent=1))
-        os.replace(temporary, out)
+        write_text(out, json.dumps(entry, indent=1))
     return entry

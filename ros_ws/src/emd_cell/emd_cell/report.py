@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from PIL import Image
 from emd_core.errors import CellError
 from emd_core.metrics import voxel_iou, voxel_mse
 from emd_core.voxel_grid import VoxelGrid
+from emd_core.whole_file import whole_file, write_text
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402  (the backend is chosen first)
@@ -77,9 +77,7 @@ class DemoReport:
 
     def write(self, path: Path) -> None:
         """Write the report, whole or not at all."""
-        temporary = path.with_suffix(".tmp")
-        temporary.write_text(json.dumps(asdict(self), indent=1))
-        os.replace(temporary, path)
+        write_text(path, json.dumps(asdict(self), indent=1))
 
 
 def error_entry(err: CellError) -> dict[str, Any]:
@@ -119,21 +117,21 @@ def write_strip(path: Path, columns: list[StripColumn]) -> None:
         axis.axis("off")
         if column.picture is not None:
             axis.imshow(column.picture)
-    figure.savefig(path, dpi=110)
+    with whole_file(path) as temporary:
+        figure.savefig(temporary, dpi=110)
     plt.close(figure)
 
 
 def write_gif(path: Path, frames: list[NDArray[np.uint8]], frame_ms: int = 80) -> None:
     """Write frames (H, W, 3) as an endlessly repeated GIF."""
     pictures = [Image.fromarray(frame).quantize(64) for frame in frames]
-    temporary = path.with_suffix(".tmp")
-    pictures[0].save(
-        temporary,
-        format="GIF",
-        save_all=True,
-        append_images=pictures[1:],
-        duration=frame_ms,
-        loop=0,
-        optimize=True,
-    )
-    os.replace(temporary, path)
+    with whole_file(path) as temporary:
+        pictures[0].save(
+            temporary,
+            format="GIF",
+            save_all=True,
+            append_images=pictures[1:],
+            duration=frame_ms,
+            loop=0,
+            optimize=True,
+        )

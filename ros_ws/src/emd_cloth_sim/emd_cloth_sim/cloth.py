@@ -217,7 +217,7 @@ class Cloth:
     def _advance_step(self, duration: float, start: float, end: float) -> None:
         substep = duration / self.config.mesh_substeps
         held = self._held(start, end, substep)
-        if math.isinf(self.config.grip_force):
+        if self.config.rigid_grip:
             self._constraints.mobility[:] = 1.0
             self._constraints.mobility[held.vertices] = 0.0
         settings = step_settings(self.config, substep)
@@ -245,5 +245,7 @@ class Cloth:
 
     def _reach(self, held: int, substep: float) -> FloatArray:
         """Ways that a vertex's share of grip and press force moves it in one substep, metres."""
+        if self.config.rigid_grip:
+            return np.full(2, np.inf)
         force = np.array([self.config.grip_force, self.config.press_force]) / max(held, 1)
         return np.asarray(force / self.config.vertex_mass * substep**2)

@@ -10,6 +10,7 @@ from emd_cloth_sim.cloth import Cloth
 from emd_cloth_sim.config import HandPathConfig
 from emd_cloth_sim.diagnostics import ClothDiagnostics
 from emd_cloth_sim.hand_path import HandPath, arc_path
+from emd_cloth_sim.independent_hands import IndependentManipulation
 from emd_cloth_sim.reference_path import ReferencePathConfig, reference_offsets
 from emd_core.frames import FloatArray
 from emd_core.manipulation import Manipulation
@@ -36,7 +37,7 @@ class ManipulationOutcome:
 
 def manipulate(
     cloth: Cloth,
-    manipulation: Manipulation,
+    manipulation: Manipulation | IndependentManipulation,
     path_config: HandPathConfig | ReferencePathConfig | None = None,
 ) -> ManipulationOutcome:
     """Grasp all layers at the used points, carry them along an arc, release, let settle.
@@ -52,9 +53,8 @@ def manipulate(
     for hand in range(2):
         if manipulation.used[hand]:
             point = manipulation.grasp_points_in_table[hand]
-            paths[hand] = _grasp_and_plan(
-                cloth, hand, point, manipulation.displacement_in_table, config
-            )
+            displacement = manipulation.displacements_in_table[hand]
+            paths[hand] = _grasp_and_plan(cloth, hand, point, displacement, config)
     held = (cloth.held_count(0), cloth.held_count(1))
     carry_time = 0.0
     if any(held):
@@ -66,30 +66,36 @@ def manipulate(
 
 
 def _manipulate_as_reference(
-    cloth: Cloth, manipulation: Manipulation, config: ReferencePathConfig
+    cloth: Cloth,
+    manipulation: Manipulation | IndependentManipulation,
+    config: ReferencePathConfig,
 ) -> ManipulationOutcome:
     cloth.stop()
     cloth.take_rest_shape()
-    starts = {}
+    starts, offsets = {}, {}
     for hand in range(2):
         if manipulation.used[hand]:
             starts[hand] = np.array([*manipulation.grasp_points_in_table[hand], 0.0])
+            offsets[hand] = reference_offsets(manipulation.displacements_in_table[hand], config)
             cloth.grasp(hand, _tool_frame(starts[hand]))
     held = (cloth.held_count(0), cloth.held_count(1))
-    offsets = reference_offsets(manipulation.displacement_in_table, config)
-    if any(held):
-        for offset in offsets:
-            for hand, start in starts.items():
-                cloth.move_hand(hand, _tool_frame(start + offset))
-            cloth.advance(config.frame)
+    if not any(held):
+        return ManipulationOutcome(held, 0.0, 0.0, cloth.settled, cloth.check())
+    frames = max(len(path) for path in offsets.values())
+    for frame in range(frames):
+        for hand, path in offsets.items():
+            # A hand with a shorter way waits at its end for the other.
+            offset = path[min(frame, len(path) - 1)]
+            cloth.move_hand(hand, _tool_frame(starts[hand] + offset))
+        cloth.advance(config.frame)
     for hand in starts:
         cloth.release(hand)
-    if any(held):
-        for _ in range(config.frames_after):
-            cloth.advance(config.frame)
-    carry_time = len(offsets) * config.frame if any(held) else 0.0
-    settle_time = config.frames_after * config.frame if any(held) else 0.0
-    return ManipulationOutcome(held, carry_time, settle_time, cloth.settled, cloth.check())
+    for _ in range(config.frames_after):
+        cloth.advance(config.frame)
+    settle_time = config.frames_after * config.frame
+    return ManipulationOutcome(
+        held, frames * config.frame, settle_time, cloth.settled, cloth.check()
+    )
 
 
 def settle(cloth: Cloth, time_limit: float) -> float:

@@ -1,19 +1,21 @@
-"""Random manipulations for training: the authors' rule, grasps at the hem, and folds."""
+"""Random manipulations for training: the authors' rules, grasps at the hem, and folds."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import binary_closing, binary_erosion, binary_fill_holes
 
 from emd_cloth_sim.cloth import Cloth
+from emd_cloth_sim.hem import cloth_corners, hem_vertices, neighbour_corners
+from emd_cloth_sim.independent_hands import IndependentManipulation
 from emd_cloth_sim.mesh import IndexArray
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FieldOfView, FloatArray
 from emd_core.manipulation import Manipulation
 
-MODES = ("mixed", "any", "hem", "fold")
+MODES = ("any", "paper", "hem", "mixed", "fold")
 LONGEST = 1.4
 SHORTEST_AT_HEM = 0.1
 SECOND_HAND = 0.5
@@ -24,129 +26,150 @@ FOLD_ANGLE = 0.25
 FOLD_STRAY = 0.3
 
 
-def random_manipulation(
-    cloth: Cloth, mode: str, field_of_view: FieldOfView, rng: np.random.Generator
-) -> Manipulation:
-    """Draw a manipulation for the cloth's present state.
+@dataclass(frozen=True)
+class ManipulationRule:
+    """How manipulations are drawn.
 
-    Args:
-        cloth: The cloth.
-        mode: `any` (the authors' rule), `hem` (grasps on the silhouette's edge, paper IV-B),
-            `mixed` (70 % hem, 30 % any) or `fold` (corners carried across the cloth).
-        field_of_view: Scale of the normalised lengths.
-        rng: Source of randomness.
-
-    Raises:
-        InvalidInputError: If the mode is unknown.
+    Attributes:
+        mode: `any`: the rule of the authors' public generator, two random vertices and a
+            displacement of uniform angle and of length uniform in 0..1.4 normalised. `paper`: as
+            the paper has it (IV-A), the displacement's x and y uniform in -1..1 normalised. `hem`:
+            grasps at the silhouette's edge, displacement towards the cloth's inside. `mixed`: 70 %
+            hem, 30 % any. `fold`: corners carried across the cloth. One of two hands is dropped
+            with probability 0.5.
+        edge_only: Whether `any` and `paper` too grasp only at the silhouette's edge, as the
+            paper's robot does (IV-B); the other modes always do.
+        independent_hands: Whether each hand draws a displacement of its own by the same rule.
     """
-    if mode not in MODES:
-        raise InvalidInputError(f"mode must be one of {', '.join(MODES)}, got {mode!r}")
-    if mode == "mixed":
-        mode = "hem" if rng.random() < HEM_SHARE else "any"
-    if mode == "fold":
-        return manipulation_to_fold(cloth, field_of_view, rng)
-    if mode == "hem":
-        return manipulation_at_hem(cloth, field_of_view, rng)
-    return manipulation_anywhere(cloth, field_of_view, rng)
+
+    mode: str = "any"
+    edge_only: bool = False
+    independent_hands: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the mode.
+
+        Raises:
+            InvalidInputError: If it is unknown.
+        """
+        if self.mode not in MODES:
+            raise InvalidInputError(f"mode must be one of {', '.join(MODES)}, got {self.mode!r}")
+
+    def draw(
+        self, cloth: Cloth, field_of_view: FieldOfView, rng: np.random.Generator
+    ) -> Manipulation | IndependentManipulation:
+        """Draw a manipulation for the cloth's present state.
+
+        Args:
+            cloth: The cloth.
+            field_of_view: Scale of the normalised lengths.
+            rng: Source of randomness.
+        """
+        mode = self.mode
+        if mode == "mixed":
+            mode = "hem" if rng.random() < HEM_SHARE else "any"
+        if mode == "fold":
+            mode, points, ways = _grasps_to_fold(cloth, field_of_view, rng)
+        elif mode == "hem":
+            points, ways = _grasps_at_hem(cloth, rng)
+        else:
+            points, ways = _grasps_anywhere(cloth, self.edge_only, rng), np.zeros((2, 2))
+        if not self.independent_hands:
+            way = np.nanmean(ways, axis=0)
+            return Manipulation(points, _displacement(mode, way, field_of_view, rng))
+        displacements = np.full((2, 2), np.nan)
+        for hand in np.flatnonzero(np.isfinite(points).all(axis=1)):
+            displacements[hand] = _displacement(mode, ways[hand], field_of_view, rng)
+        return IndependentManipulation(points, displacements)
 
 
-def manipulation_anywhere(
-    cloth: Cloth, field_of_view: FieldOfView, rng: np.random.Generator
-) -> Manipulation:
-    """Draw by the rule of the authors' public generator.
-
-    Two random vertices, one dropped with probability 0.5; a displacement of uniform angle and of
-    length uniform in 0..1.4 normalised.
-    """
+def _grasps_anywhere(cloth: Cloth, edge_only: bool, rng: np.random.Generator) -> FloatArray:
+    """Draw two vertices, one dropped with probability 0.5; (2, 2), metres."""
     positions = cloth.positions_in_table
-    points = positions[rng.integers(len(positions), size=2), :2].copy()
+    candidates = _hem(cloth) if edge_only else np.arange(len(positions))
+    points = positions[candidates[rng.integers(len(candidates), size=2)], :2]
     if rng.random() >= SECOND_HAND:
         points[1] = np.nan
-    return Manipulation(
-        points, _polar(rng.uniform(0.0, LONGEST), rng.uniform(0.0, 2 * math.pi), field_of_view)
-    )
+    return points
 
 
-def manipulation_at_hem(
-    cloth: Cloth, field_of_view: FieldOfView, rng: np.random.Generator
-) -> Manipulation:
-    """Draw grasp points on the silhouette's edge and a displacement towards the cloth's inside.
+def _grasps_at_hem(cloth: Cloth, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    """Draw points on the silhouette's edge, and the ways from them to its centroid.
 
     Half of the first points are corners of the cloth, if one lies on the edge. With probability
     0.5 a second hand takes another point of the edge, by half a neighbouring corner of the cloth.
-    The length is uniform in 0.1..1.4 normalised, the angle within 90 degrees of the direction to
-    the silhouette's centroid.
     """
     positions = cloth.positions_in_table
-    hem = hem_vertices(positions, cloth.mesh.triangles, max(cloth.config.spacing))
-    corners = [v for v in _corners(cloth.config.vertices) if v in set(hem.tolist())]
+    hem = _hem(cloth)
+    corners = _visible_corners(cloth, hem)
     first = _pick(hem, corners, rng)
     points = np.full((2, 2), np.nan)
     points[0] = positions[first, :2]
     if rng.random() < SECOND_HAND:
-        near = _neighbour_corners(first, corners, cloth.config.vertices)
+        near = neighbour_corners(first, corners, cloth.config.vertices)
         points[1] = positions[_pick(hem[hem != first], near, rng), :2]
-    inwards = positions[:, :2].mean(axis=0) - np.nanmean(points, axis=0)
-    angle = math.atan2(inwards[1], inwards[0]) + rng.uniform(-0.5, 0.5) * math.pi
-    return Manipulation(
-        points, _polar(rng.uniform(SHORTEST_AT_HEM, LONGEST), angle, field_of_view)
-    )
+    return points, positions[:, :2].mean(axis=0) - points
 
 
-def manipulation_to_fold(
+def _grasps_to_fold(
     cloth: Cloth, field_of_view: FieldOfView, rng: np.random.Generator
-) -> Manipulation:
-    """Draw what people do: carry a corner, or the two at one side, towards the opposite end.
+) -> tuple[str, FloatArray, FloatArray]:
+    """Draw a corner or the two at one side, and the ways to the opposite corner or side.
 
     The corners must lie on the silhouette's edge; each hand strays from its corner by up to 0.3
-    normalised along the edge. Way and angle are those to the opposite corner or side, times 0.2
-    to 1.1 and turned by a normal deviation of 0.25 rad. Without a visible corner the grasp is
-    drawn by `manipulation_at_hem`.
+    normalised along the edge. Without a visible corner the grasp is drawn as at the hem.
+
+    Returns:
+        The mode of the displacement, points and ways.
     """
     positions = cloth.positions_in_table[:, :2]
-    hem = hem_vertices(cloth.positions_in_table, cloth.mesh.triangles, max(cloth.config.spacing))
-    corners = _corners(cloth.config.vertices)
-    visible = [corner for corner in corners if corner in set(hem.tolist())]
+    hem = _hem(cloth)
+    corners = cloth_corners(cloth.config.vertices)
+    visible = _visible_corners(cloth, hem)
     if not visible:
-        return manipulation_at_hem(cloth, field_of_view, rng)
+        return "hem", *_grasps_at_hem(cloth, rng)
     grasped = [visible[rng.integers(len(visible))]]
-    near = _neighbour_corners(grasped[0], visible, cloth.config.vertices)
+    near = neighbour_corners(grasped[0], visible, cloth.config.vertices)
     if near and rng.random() < SECOND_HAND:
         grasped.append(near[rng.integers(len(near))])
-    opposite = [corners[(corners.index(corner) + 2) % 4] for corner in grasped]
-    way = positions[opposite].mean(axis=0) - positions[grasped].mean(axis=0)
     stray = float(field_of_view.table_from_normalised(FOLD_STRAY))
-    points = np.full((2, 2), np.nan)
+    points, ways = np.full((2, 2), np.nan), np.full((2, 2), np.nan)
     for hand, corner in enumerate(grasped):
         gaps = np.linalg.norm(positions[hem] - positions[corner], axis=1)
         points[hand] = positions[rng.choice(hem[gaps <= rng.uniform(0.0, stray) + 1e-9])]
-    angle = math.atan2(way[1], way[0]) + rng.normal(0.0, FOLD_ANGLE)
-    length = np.linalg.norm(way) * rng.uniform(*FOLD_LENGTHS)
-    return Manipulation(points, length * np.array([math.cos(angle), math.sin(angle)]))
+        ways[hand] = positions[corners[(corners.index(corner) + 2) % 4]] - positions[corner]
+    return "fold", points, ways
 
 
-def hem_vertices(
-    positions_in_table: FloatArray, triangles: IndexArray, spacing: float
-) -> IndexArray:
-    """Find the vertices at the edge of the silhouette seen from above; indices, sorted.
+def _displacement(
+    mode: str, way: FloatArray, field_of_view: FieldOfView, rng: np.random.Generator
+) -> FloatArray:
+    """Draw a displacement (2,), metres.
 
-    The silhouette is rasterised at half the vertex spacing (metres) from vertices, sides and
-    centres of the triangles; of every pixel at its edge the closest vertex belongs to the hem.
+    Hem: length uniform in 0.1..1.4 normalised, angle within 90 degrees of the way. Fold: the
+    way's length times 0.2 to 1.1, its angle turned by a normal deviation of 0.25 rad.
     """
-    corners = positions_in_table[triangles, :2]
-    middles = 0.5 * (corners + np.roll(corners, 1, axis=1))
-    centres = corners.mean(axis=1, keepdims=True)
-    points = np.concatenate([corners, middles, centres], axis=1).reshape(-1, 2)
-    pixel = 0.5 * spacing
-    low = points.min(axis=0) - 3 * pixel
-    pixels = np.floor((points - low) / pixel).astype(np.int64)
-    image = np.zeros(pixels.max(axis=0) + 4, dtype=bool)
-    image[pixels[:, 0], pixels[:, 1]] = True
-    image = binary_fill_holes(binary_closing(image))
-    edge = image & ~binary_erosion(image)
-    edge_points = (np.argwhere(edge) + 0.5) * pixel + low
-    gaps = np.linalg.norm(edge_points[:, None] - positions_in_table[None, :, :2], axis=2)
-    return np.unique(gaps.argmin(axis=1)).astype(np.int32)
+    if mode == "paper":
+        return field_of_view.table_from_normalised(rng.uniform(-1.0, 1.0, size=2))
+    if mode == "any":
+        length, angle = rng.uniform(0.0, LONGEST), rng.uniform(0.0, 2 * math.pi)
+        return field_of_view.table_from_normalised(_polar(length, angle))
+    angle = math.atan2(way[1], way[0])
+    if mode == "fold":
+        angle += rng.normal(0.0, FOLD_ANGLE)
+        return _polar(float(np.linalg.norm(way)) * rng.uniform(*FOLD_LENGTHS), angle)
+    angle += rng.uniform(-0.5, 0.5) * math.pi
+    length = rng.uniform(SHORTEST_AT_HEM, LONGEST)
+    return field_of_view.table_from_normalised(_polar(length, angle))
+
+
+def _hem(cloth: Cloth) -> IndexArray:
+    return hem_vertices(cloth.positions_in_table, cloth.triangles, max(cloth.config.spacing))
+
+
+def _visible_corners(cloth: Cloth, hem: IndexArray) -> list[int]:
+    on_edge = set(hem.tolist())
+    return [corner for corner in cloth_corners(cloth.config.vertices) if corner in on_edge]
 
 
 def _pick(vertices: IndexArray, preferred: list[int], rng: np.random.Generator) -> int:
@@ -156,24 +179,5 @@ def _pick(vertices: IndexArray, preferred: list[int], rng: np.random.Generator) 
     return int(rng.choice(vertices))
 
 
-def _corners(vertices: tuple[int, int]) -> list[int]:
-    """Corners of the cloth in order around it."""
-    n_x, n_y = vertices
-    return [0, n_y - 1, n_x * n_y - 1, (n_x - 1) * n_y]
-
-
-def _neighbour_corners(first: int, visible: list[int], vertices: tuple[int, int]) -> list[int]:
-    """Visible corners that share a side of the cloth with `first`; none if it is no corner."""
-    corners = _corners(vertices)
-    if first not in corners:
-        return []
-    place = corners.index(first)
-    neighbours = (corners[place - 1], corners[(place + 1) % 4])
-    return [corner for corner in visible if corner in neighbours]
-
-
-def _polar(length: float, angle: float, field_of_view: FieldOfView) -> FloatArray:
-    """Turn a normalised length and an angle (radians) into a displacement in metres."""
-    return field_of_view.table_from_normalised(
-        length * np.array([math.cos(angle), math.sin(angle)])
-    )
+def _polar(length: float, angle: float) -> FloatArray:
+    return length * np.array([math.cos(angle), math.sin(angle)])

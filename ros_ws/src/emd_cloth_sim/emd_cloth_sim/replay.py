@@ -7,8 +7,6 @@ of V = n * n vertices that spans 1.4 when flat.
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +20,7 @@ from emd_cloth_sim.manipulate import ManipulationOutcome, manipulate
 from emd_core.errors import InvalidInputError, SimulationError
 from emd_core.frames import FieldOfView, FloatArray
 from emd_core.manipulation import Manipulation
+from emd_core.whole_file import whole_file
 
 SPAN = 1.4
 DEFAULT_SIDE = ClothConfig().vertices[0]
@@ -225,18 +224,10 @@ def _perform(
 
 
 def _write(output: Path, states: NDArray[np.float32], recording: Recording) -> None:
-    output.parent.mkdir(parents=True, exist_ok=True)
-    descriptor, temporary = tempfile.mkstemp(suffix=".tmp", dir=output.parent)
-    try:
-        with os.fdopen(descriptor, "wb") as stream:
-            np.savez_compressed(
-                stream,
-                states=states,
-                picks=recording.picks.astype(np.float32),
-                moves=recording.moves.astype(np.float32),
-            )
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, output)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    with whole_file(output) as temporary, open(temporary, "wb") as stream:
+        np.savez_compressed(
+            stream,
+            states=states,
+            picks=recording.picks.astype(np.float32),
+            moves=recording.moves.astype(np.float32),
+        )

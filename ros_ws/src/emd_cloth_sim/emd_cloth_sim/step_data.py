@@ -204,10 +204,10 @@ def step_settings(config: ClothConfig, substep: float) -> StepSettings:
         squeeze_compliance=config.squeeze_ratio * config.stretch_compliance * scale,
         internal_damping=config.internal_damping / substep,
         spring_sweeps=config.spring_sweeps,
-        rigid_grip=math.isinf(config.grip_force),
+        rigid_grip=config.rigid_grip,
         hinge_stiffness=hinge_stiffness,
         hinge_interval=_hinge_interval(config, substep),
-        separation=config.separation_speed * substep,
+        separation=(config.separation_speed or math.inf) * substep,
         rest_height=config.rest_height,
     )
 

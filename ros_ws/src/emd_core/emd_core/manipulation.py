@@ -59,6 +59,11 @@ class Manipulation:
         return bool(np.isfinite(points[0]).all()), bool(np.isfinite(points[1]).all())
 
     @property
+    def displacements_in_table(self) -> FloatArray:
+        """Displacement of each hand, shape (2, 2), metres: the same for both."""
+        return np.stack([self.displacement_in_table] * 2)
+
+    @property
     def release_points_in_table(self) -> FloatArray:
         """Where the hands let go, shape (2, 2), metres; NaN rows: unused."""
         return self.grasp_points_in_table + self.displacement_in_table

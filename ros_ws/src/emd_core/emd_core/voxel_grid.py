@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FieldOfView, FloatArray
+from emd_core.whole_file import whole_file
 
 BoolArray = NDArray[np.bool_]
 
@@ -61,21 +60,13 @@ class VoxelGrid:
 
         The file appears whole or not at all.
         """
-        path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor, temporary = tempfile.mkstemp(suffix=".npz", dir=path.parent)
-        try:
-            with os.fdopen(descriptor, "wb") as stream:
-                np.savez_compressed(
-                    stream,
-                    occupancy=self.occupancy.astype(np.uint8),
-                    half_extent=self.field_of_view.half_extent,
-                    height=self.field_of_view.height,
-                )
-            os.chmod(temporary, 0o644)
-            os.replace(temporary, path)
-        except BaseException:
-            Path(temporary).unlink(missing_ok=True)
-            raise
+        with whole_file(path) as temporary, open(temporary, "wb") as stream:
+            np.savez_compressed(
+                stream,
+                occupancy=self.occupancy.astype(np.uint8),
+                half_extent=self.field_of_view.half_extent,
+                height=self.field_of_view.height,
+            )
 
     @classmethod
     def load(cls, path: Path) -> VoxelGrid:

@@ -54,6 +54,8 @@ class FoldPlan:
         predicted_grids: The same, thresholded.
         predicted_loss: loss_s of the last prediction with respect to the goal.
         initial_loss: The same of the initial state: what doing nothing scores.
+        reconstruction_loss: loss_s of D(E(initial)) to the initial state: how well the net knows
+            states like this one. A gain smaller than it is within the net's own error.
         reach_excess: Metres by which grasp and release points lie outside the arms' reach,
             summed; 0 without reach limits.
         planning_ms: Time taken, milliseconds.
@@ -65,6 +67,7 @@ class FoldPlan:
     predicted_grids: list[VoxelGrid]
     predicted_loss: float
     initial_loss: float
+    reconstruction_loss: float
     reach_excess: float
     planning_ms: float
     iterations: int
@@ -154,6 +157,8 @@ class _Planner:
         self.iterations = 0
         with torch.no_grad():
             self.code = net.encode(self.initial[None])
+            reconstruction = state_loss(net.decode(self.code), self.initial.float())
+        self.reconstruction_loss = float(reconstruction)
         tolerance, threshold = config.grasp_tolerance_voxels, config.threshold
         terms = [
             (1.0, goal_term(self.goal)),
@@ -212,6 +217,7 @@ class _Planner:
             [VoxelGrid(state >= self.config.threshold, self.field_of_view) for state in states],
             candidate.loss,
             float((self.initial != self.goal).float().mean()),
+            self.reconstruction_loss,
             candidate.reach_excess,
             elapsed_ms,
             self.iterations,

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import csv
-import os
-import tempfile
 from pathlib import Path
 from typing import Any
+
+from emd_core.whole_file import whole_file
 
 
 class TrainingLog:
@@ -29,14 +29,10 @@ class TrainingLog:
     def _write(self) -> None:
         if not self.rows:
             return
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor, temporary = tempfile.mkstemp(suffix=".csv", dir=self.path.parent)
-        with os.fdopen(descriptor, "w", newline="") as stream:
+        with whole_file(self.path) as temporary, open(temporary, "w", newline="") as stream:
             writer = csv.DictWriter(stream, fieldnames=list(self.rows[0]))
             writer.writeheader()
             writer.writerows(self.rows)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, self.path)
 
 
 def draw_curve(rows: list[dict[str, float]], path: Path) -> None:
@@ -65,6 +61,5 @@ def draw_curve(rows: list[dict[str, float]], path: Path) -> None:
     axes.set_yscale("log")
     axes.grid(True, which="both", alpha=0.3)
     axes.legend()
-    temporary = path.with_suffix(".partial.png")
-    figure.savefig(temporary, dpi=120)
-    os.replace(temporary, path)
+    with whole_file(path) as temporary:
+        figure.savefig(temporary, dpi=120)

@@ -7,8 +7,6 @@ An original work from figures; no mesh or model file of others went into it. Bey
 from __future__ import annotations
 
 import math
-import os
-import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,6 +25,7 @@ from emd_arm_executor.hiro.figures.shapes import (
     nail_shape,
     tool_offset,
 )
+from emd_core.whole_file import write_text
 
 URDF_PATH = Path(__file__).with_name("hiro.urdf")
 
@@ -65,15 +64,7 @@ def build_urdf() -> str:
 
 def write_urdf(path: Path = URDF_PATH) -> None:
     """Write the URDF; the file appears whole or not at all."""
-    descriptor, temporary = tempfile.mkstemp(suffix=".urdf", dir=path.parent)
-    try:
-        with os.fdopen(descriptor, "w", encoding="utf-8") as stream:
-            stream.write(build_urdf())
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    write_text(path, build_urdf())
 
 
 def _add_arm(robot: ET.Element, side: str) -> None:

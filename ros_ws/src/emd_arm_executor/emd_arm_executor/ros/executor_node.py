@@ -6,7 +6,6 @@ import sys
 from typing import Any
 
 import numpy as np
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
@@ -22,7 +21,7 @@ from emd_arm_executor.observed_silhouette import silhouette_from_points
 from emd_arm_executor.robot_description import hiro_description
 from emd_arm_executor.robot_model import RobotModel
 from emd_arm_executor.ros.ros_robot import RosRobot
-from emd_core.errors import CancelledError, NoObservationError
+from emd_core.errors import NoObservationError
 from emd_core.manipulation import Manipulation
 from emd_core.ros import conversions
 from emd_core.ros.markers import BLUE, GREEN, clear_marker, line_marker
@@ -49,14 +48,8 @@ class ExecutorNode(Node):
         self.create_subscription(PointCloud2, "perception/points", self._on_points, 5)
         self._markers = self.create_publisher(MarkerArray, "arm_executor/markers", 5)
         self._worker = SingleWorker(self, "moving the arms")
-        self._action = ActionServer(
-            self,
-            ExecuteManipulation,
-            "arm_executor/execute_manipulation",
-            execute_callback=self._on_goal,
-            goal_callback=lambda request: GoalResponse.ACCEPT,
-            cancel_callback=lambda goal_handle: CancelResponse.ACCEPT,
-            callback_group=self._worker.callback_group,
+        self._action = self._worker.serve_action(
+            ExecuteManipulation, "arm_executor/execute_manipulation", self._execute
         )
         self.create_service(
             Trigger,
@@ -67,19 +60,6 @@ class ExecutorNode(Node):
 
     def _on_points(self, message: PointCloud2) -> None:
         self._points = message
-
-    async def _on_goal(self, goal_handle: ServerGoalHandle) -> ExecuteManipulation.Result:
-        result = ExecuteManipulation.Result()
-        try:
-            await self._worker.run(lambda: self._execute(goal_handle, result))
-        except CancelledError as err:
-            goal_handle.canceled()
-            return set_error(result, err, self)  # type: ignore[no-any-return]
-        except Exception as err:
-            goal_handle.abort()
-            return set_error(result, err, self)  # type: ignore[no-any-return]
-        goal_handle.succeed()
-        return result
 
     def _execute(self, goal_handle: ServerGoalHandle, result: ExecuteManipulation.Result) -> None:
         """Plan and move in the worker's thread."""

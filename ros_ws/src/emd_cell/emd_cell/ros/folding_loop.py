@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -33,8 +34,6 @@ class FoldingConfig:
         steps: Manipulations planned at the start; each execution leaves one fewer to plan.
         retries: Further single manipulations if the goal is not reached after `steps`.
         done_mse: Voxel MSE to the goal, as the camera sees it, below which the cloth is folded.
-        gain: A further manipulation is only made if it is predicted to lower the MSE to this share
-            of the present one.
         restarts: Random initialisations of the search; more than the paper's 10, as the weights
             shipped now are trained little.
         attempts: Plans tried, each from another seed, when one cannot be made or carried out.
@@ -44,7 +43,6 @@ class FoldingConfig:
     steps: int = 1
     retries: int = 1
     done_mse: float = 0.008
-    gain: float = 0.7
     restarts: int = 24
     attempts: int = 3
     seed: int = 0
@@ -56,11 +54,9 @@ class FoldingTrace:
 
     Attributes:
         columns: Before, and predicted and reached after every manipulation.
-        phase: What the cell is doing, for a person who watches.
     """
 
     columns: list[StripColumn] = field(default_factory=list)
-    phase: str = ""
 
 
 class FoldingLoop:
@@ -94,36 +90,53 @@ class FoldingLoop:
         for remaining in range(self._config.steps, 0, -1):
             seen = self._step(seen, remaining)
         for _ in range(self._config.retries):
-            if voxel_mse(seen, self._goal) <= self._config.done_mse or not self._worth_it(seen):
+            if voxel_mse(seen, self._goal) <= self._config.done_mse:
                 return
             try:
-                seen = self._step(seen, 1)
+                better = self._improve(seen)
             except _REFUSALS:
                 return
+            if better is None:
+                return
+            seen = better
 
     def _step(self, seen: VoxelGrid, remaining: int) -> VoxelGrid:
         """Plan and carry out one manipulation; a refused plan is followed by another one."""
-        for attempt in range(self._config.attempts):
-            step = StepReport()
-            self._report.steps.append(step)
+        for seed in range(self._config.seed, self._config.seed + self._config.attempts - 1):
             try:
-                seen = self._fold_once(seen, remaining, self._config.seed + attempt, step)
-            except _REFUSALS as err:
-                step.error = error_entry(err)
-                if attempt + 1 == self._config.attempts:
-                    raise
+                return self._plan_and_fold(seen, remaining, seed)
+            except _REFUSALS:
                 continue
-            except CellError as err:
-                step.error = error_entry(err)
-                raise
-            self._report.final = step.executed = self._score(seen)
-            return seen
-        raise AssertionError("attempts is at least 1")
+        return self._plan_and_fold(seen, remaining, self._config.seed + self._config.attempts - 1)
 
-    def _fold_once(
-        self, seen: VoxelGrid, remaining: int, seed: int, step: StepReport
-    ) -> VoxelGrid:
-        plan = self._plan(seen, remaining, seed)
+    def _plan_and_fold(self, seen: VoxelGrid, remaining: int, seed: int) -> VoxelGrid:
+        with self._reported_step() as step:
+            return self._carry_out(self._plan(seen, remaining, seed), step)
+
+    def _improve(self, seen: VoxelGrid) -> VoxelGrid | None:
+        """Carry out one more manipulation; None if no gain beyond the net's own error is seen."""
+        try:
+            plan = self._plan(seen, 1, self._config.seed)
+        except NoPlanError:
+            return None
+        if plan.predicted_loss + plan.reconstruction_loss >= voxel_mse(seen, self._goal):
+            return None
+        with self._reported_step() as step:
+            return self._carry_out(plan, step)
+
+    @contextmanager
+    def _reported_step(self) -> Iterator[StepReport]:
+        """Give a new step of the report; an error of the body is noted in it."""
+        step = StepReport()
+        self._report.steps.append(step)
+        try:
+            yield step
+        except CellError as err:
+            step.error = error_entry(err)
+            raise
+
+    def _carry_out(self, plan: Plan, step: StepReport) -> VoxelGrid:
+        """Execute a plan's first manipulation and look at the outcome."""
         step.plan_ms, step.predicted_mse = plan.planning_ms, plan.predicted_loss
         step.planned = plan.manipulations[0].as_entry()
         number = sum(item.executed is not None for item in self._report.steps) + 1
@@ -133,7 +146,9 @@ class FoldingLoop:
             lambda phase, progress: self._on_phase(f"executing: {phase} {progress:.0%}"),
         )
         step.grasped = grasped.as_entry()
-        return self._look(f"after {number}")
+        seen = self._look(f"after {number}")
+        self._report.final = step.executed = self._score(seen)
+        return seen
 
     def _plan(self, seen: VoxelGrid, steps: int, seed: int) -> Plan:
         self._on_phase("planning")
@@ -147,14 +162,6 @@ class FoldingLoop:
                 f"planning: iteration {iteration}, predicted loss {loss:.4f}"
             ),
         )
-
-    def _worth_it(self, seen: VoxelGrid) -> bool:
-        """Whether one more manipulation is predicted to bring the cloth much nearer."""
-        try:
-            plan = self._plan(seen, 1, self._config.seed)
-        except NoPlanError:
-            return False
-        return plan.predicted_loss < self._config.gain * voxel_mse(seen, self._goal)
 
     def _look(self, title: str) -> VoxelGrid:
         self._on_phase("looking at the cloth")

@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from emd_cell.bag_types import cell_typestore
 from emd_core.errors import InvalidInputError
+from emd_core.ros.quality_of_service import LATCHED
 from emd_core.ros.spin import spin_node
 
 # Camera, state, intent and result: enough to replay perception and to see what the arms did.
@@ -35,7 +36,11 @@ _LATCHED = ("/robot_description", "/camera/pose")
 
 
 class RecorderNode(Node):
-    """Writes every message of the recorded topics to the bag `directory`, as it arrives."""
+    """Writes every message of the recorded topics to the bag `directory`, as it arrives.
+
+    With the parameter `reliable`, lost messages are asked for again, which needs publishers that
+    offer it; large images get lost otherwise when the machine is busy.
+    """
 
     def __init__(self) -> None:
         """Open the bag.
@@ -44,6 +49,7 @@ class RecorderNode(Node):
             InvalidInputError: If the directory exists already: a bag is never overwritten.
         """
         super().__init__("recorder")
+        self._reliable = self.declare_parameter("reliable", False).value
         directory = Path(self.declare_parameter("directory", "bag").value)
         if directory.exists():
             raise InvalidInputError(
@@ -59,12 +65,21 @@ class RecorderNode(Node):
                 message_class(name),
                 topic,
                 partial(self._write, connection),
-                _quality_of_service(topic),
+                self._quality_of_service(topic),
                 raw=True,
             )
 
     def _write(self, connection: Any, data: bytes) -> None:
         self._writer.write(connection, self.get_clock().now().nanoseconds, data)
+
+    def _quality_of_service(self, topic: str) -> QoSProfile:
+        """Best effort suits every publisher; latched topics are asked for their last message."""
+        if topic in _LATCHED:
+            return LATCHED
+        reliability = (
+            ReliabilityPolicy.RELIABLE if self._reliable else ReliabilityPolicy.BEST_EFFORT
+        )
+        return QoSProfile(depth=50, reliability=reliability)
 
     def destroy_node(self) -> None:
         """Finish the bag, then the node."""
@@ -76,17 +91,6 @@ def message_class(name: str) -> type:
     """Find the class of a message such as `sensor_msgs/msg/Image`."""
     package, _, kind = name.split("/")
     return getattr(importlib.import_module(f"{package}.msg"), kind)  # type: ignore[no-any-return]
-
-
-def _quality_of_service(topic: str) -> QoSProfile:
-    """Best effort suits every publisher; latched topics are asked for their last message."""
-    if topic in _LATCHED:
-        return QoSProfile(
-            depth=1,
-            reliability=ReliabilityPolicy.RELIABLE,
-            durability=DurabilityPolicy.TRANSIENT_LOCAL,
-        )
-    return QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 def main() -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -14,13 +13,16 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
+from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import CameraInfo, Image
 
 from emd_cell.bag_reader import BagMessage, BagReader, BagTopics
 from emd_core.errors import DeadlineError
+from emd_core.pair_matcher import PairMatcher
 from emd_core.ros import conversions
+from emd_core.ros.quality_of_service import LATCHED
 from emd_core.voxel_grid import VoxelGrid
+from emd_core.whole_file import write_text
 from emd_msgs_py.msg import VoxelGrid as VoxelGridMsg
 
 NAMESPACE = "/replay"  # keeps the replay apart from a live cell
@@ -36,12 +38,14 @@ class ReplaySummary:
         frames: Colour-depth pairs played.
         grids: One entry for every grid: file, stamp (ns), occupied voxels, quality, reason.
         skipped: One entry for every message or pair without a grid: stamp (ns) and reason.
+        unpaired: Images left out because none of the other kind was taken at the same moment.
     """
 
     bag: str
     frames: int = 0
     grids: list[dict[str, Any]] = field(default_factory=list)
     skipped: list[dict[str, Any]] = field(default_factory=list)
+    unpaired: int = 0
 
 
 class ReplayClient(Node):
@@ -50,16 +54,11 @@ class ReplayClient(Node):
     def __init__(self) -> None:
         """Make the publishers and subscriptions in the replay's own namespace."""
         super().__init__("replay", namespace=NAMESPACE)
-        latched = QoSProfile(
-            depth=1,
-            reliability=ReliabilityPolicy.RELIABLE,
-            durability=DurabilityPolicy.TRANSIENT_LOCAL,
-        )
         self._publishers_by_kind = {
             "color": self.create_publisher(Image, "camera/color/image_raw", 5),
             "depth": self.create_publisher(Image, "camera/depth_registered/image_raw", 5),
             "info": self.create_publisher(CameraInfo, "camera/color/camera_info", 5),
-            "pose": self.create_publisher(PoseStamped, "camera/pose", latched),
+            "pose": self.create_publisher(PoseStamped, "camera/pose", LATCHED),
         }
         self._grids: dict[int, VoxelGrid] = {}
         self._verdicts: dict[int, dict[str, str]] = {}
@@ -134,9 +133,13 @@ def replay_bag(
         InvalidInputError: If the bag or its topics cannot be read.
     """
     summary = ReplaySummary(str(bag))
-    newest: dict[str, BagMessage] = {}
+    matcher = PairMatcher[BagMessage](("color", "depth"), _TOLERANCE)
     with BagReader(bag, topics) as reader:
         out.mkdir(parents=True, exist_ok=True)
+        for kind in ("info", "pose"):  # a bag may hold images from before the first of them
+            known = reader.first(kind)
+            if known is not None:
+                client.publish(known)
         for message in reader.messages():
             if message.error:
                 reason = f"{message.kind} message cannot be decoded: {message.error}"
@@ -144,17 +147,13 @@ def replay_bag(
             elif message.kind in ("info", "pose"):
                 client.publish(message)
             else:
-                newest[message.kind] = message
-                if _is_pair(newest):
-                    color, depth = newest.pop("color"), newest.pop("depth")
-                    _play(client, color, depth, out, summary)
+                pair = matcher.add(message.kind, message.stamp, message)
+                if pair is not None:
+                    _play(client, *pair, out, summary)
                     on_frame(summary)
-    _write_summary(out / "summary.json", summary)
+    summary.unpaired = matcher.unpaired + matcher.waiting
+    write_text(out / "summary.json", json.dumps(vars(summary), indent=1))
     return summary
-
-
-def _is_pair(newest: dict[str, BagMessage]) -> bool:
-    return len(newest) == 2 and abs(newest["color"].stamp - newest["depth"].stamp) <= _TOLERANCE
 
 
 def _play(
@@ -177,12 +176,6 @@ def _play(
             "reason": verdict["reason"],
         }
     )
-
-
-def _write_summary(path: Path, summary: ReplaySummary) -> None:
-    temporary = path.with_suffix(".tmp")
-    temporary.write_text(json.dumps(vars(summary), indent=1))
-    os.replace(temporary, path)
 
 
 def _nanoseconds(message: Any) -> int:

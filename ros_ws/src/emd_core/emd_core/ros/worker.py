@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.task import Future
 
-from emd_core.errors import BusyError
+from emd_core.errors import BusyError, CancelledError
+from emd_core.ros.results import set_error
 
 T = TypeVar("T")
 
@@ -47,6 +50,41 @@ class SingleWorker:
             return await future  # type: ignore[no-any-return]
         finally:
             self._lock.release()
+
+    def serve_action(
+        self, action_type: Any, name: str, work: Callable[[ServerGoalHandle, Any], None]
+    ) -> ActionServer:
+        """Offer an action whose goals are done by `work`, in a thread, one at a time.
+
+        Args:
+            action_type: Its result has `error_code` and `error_msg`.
+            name: Name of the action.
+            work: Takes the goal's handle and fills the result. A CancelledError ends the goal as
+                cancelled, any other exception as aborted, with code and text in the result.
+        """
+
+        async def execute(goal_handle: ServerGoalHandle) -> Any:
+            result = action_type.Result()
+            try:
+                await self.run(lambda: work(goal_handle, result))
+            except CancelledError as err:
+                goal_handle.canceled()
+                return set_error(result, err, self._node)
+            except Exception as err:
+                goal_handle.abort()
+                return set_error(result, err, self._node)
+            goal_handle.succeed()
+            return result
+
+        return ActionServer(
+            self._node,
+            action_type,
+            name,
+            execute_callback=execute,
+            goal_callback=lambda request: GoalResponse.ACCEPT,
+            cancel_callback=lambda goal_handle: CancelResponse.ACCEPT,
+            callback_group=self.callback_group,
+        )
 
     def _work(self, work: Callable[[], T], future: Future) -> None:
         try:

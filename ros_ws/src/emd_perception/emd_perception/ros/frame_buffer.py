@@ -6,7 +6,7 @@ import threading
 import time
 
 from emd_core.errors import DeadlineError
-from emd_perception.ros.frame_pairs import FramePair
+from emd_perception.ros.frame_pair import FramePair
 
 
 class FrameBuffer:

@@ -5,17 +5,13 @@ from __future__ import annotations
 import dataclasses
 import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
-import numpy as np
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
 from visualization_msgs.msg import MarkerArray
 
-from emd_core.errors import CancelledError, InvalidInputError, NoObservationError
-from emd_core.manipulation import Manipulation
+from emd_core.errors import InvalidInputError, NoObservationError
 from emd_core.ros import conversions
 from emd_core.ros.markers import ORANGE, clear_marker, manipulation_markers, voxel_marker
 from emd_core.ros.parameters import declare_config
@@ -24,13 +20,13 @@ from emd_core.ros.spin import spin_node
 from emd_core.ros.worker import SingleWorker
 from emd_core.voxel_grid import VoxelGrid
 from emd_msgs_py.action import PlanFold
-from emd_msgs_py.msg import FoldPlan as FoldPlanMsg
 from emd_msgs_py.msg import VoxelGrid as VoxelGridMsg
 from emd_msgs_py.srv import PlanFold as PlanFoldService
 from emd_planner.config import PlannerConfig, Polygon, ReachConfig
 from emd_planner.device import resolve_device
 from emd_planner.plan import FoldPlan, PlanningProgress, plan
-from emd_planner.weights import load_net
+from emd_planner.ros.plan_messages import plan_to_message, progress_to_feedback
+from emd_planner.ros.served_net import ServedNet
 
 
 class PlannerNode(Node):
@@ -40,28 +36,18 @@ class PlannerNode(Node):
         """Load the network and offer action and service.
 
         Raises:
-            ModelError: If the weights are missing or do not fit.
             InvalidInputError: If a parameter is out of range.
         """
         super().__init__("planner")
         self._config = declare_config(self, PlannerConfig(), "search.")
         self._reach = self._declare_reach()
-        weights = self.declare_parameter("weights", "").value
         device = resolve_device(self.declare_parameter("device", "auto").value)
-        self._net = load_net(Path(weights) if weights else None).to(device)
+        self._net = ServedNet(self, device)
         self._latest: VoxelGridMsg | None = None
         self.create_subscription(VoxelGridMsg, "perception/voxel_grid", self._on_grid, 5)
         self._markers = self.create_publisher(MarkerArray, "planner/markers", 5)
         self._worker = SingleWorker(self, "planning")
-        self._action = ActionServer(
-            self,
-            PlanFold,
-            "planner/plan_fold",
-            execute_callback=self._on_goal,
-            goal_callback=lambda request: GoalResponse.ACCEPT,
-            cancel_callback=lambda goal_handle: CancelResponse.ACCEPT,
-            callback_group=self._worker.callback_group,
-        )
+        self._action = self._worker.serve_action(PlanFold, "planner/plan_fold", self._on_goal)
         self.create_service(
             PlanFoldService,
             "planner/plan",
@@ -85,25 +71,13 @@ class PlannerNode(Node):
     def _on_grid(self, message: VoxelGridMsg) -> None:
         self._latest = message
 
-    async def _on_goal(self, goal_handle: ServerGoalHandle) -> PlanFold.Result:
-        result = PlanFold.Result()
-        try:
-            await self._worker.run(
-                lambda: self._plan(
-                    goal_handle.request,
-                    result,
-                    goal_handle.publish_feedback,
-                    lambda: goal_handle.is_cancel_requested,
-                )
-            )
-        except CancelledError as err:
-            goal_handle.canceled()
-            return set_error(result, err, self)  # type: ignore[no-any-return]
-        except Exception as err:
-            goal_handle.abort()
-            return set_error(result, err, self)  # type: ignore[no-any-return]
-        goal_handle.succeed()
-        return result
+    def _on_goal(self, goal_handle: ServerGoalHandle, result: PlanFold.Result) -> None:
+        self._plan(
+            goal_handle.request,
+            result,
+            goal_handle.publish_feedback,
+            lambda: goal_handle.is_cancel_requested,
+        )
 
     async def _on_request(
         self, request: PlanFoldService.Request, response: PlanFoldService.Response
@@ -129,18 +103,28 @@ class PlannerNode(Node):
             restarts=request.restarts or self._config.restarts,
             time_budget=request.time_budget or self._config.time_budget,
         )
+
+        def on_iteration(progress: PlanningProgress) -> None:
+            if publish is not None:
+                publish(progress_to_feedback(progress, initial, self._table_header()))
+
         found = plan(
-            self._net,
+            self._net.get(),
             initial,
             goal,
             request.steps,
             config,
             self._reach,
             request.seed,
-            publish and (lambda progress: publish(self._feedback(progress, initial))),
+            publish
+            and (
+                lambda progress: publish(
+                    progress_to_feedback(progress, initial, self._table_header())
+                )
+            ),
             should_stop,
         )
-        result.plan = self._plan_message(found)
+        result.plan = plan_to_message(found, self._table_header())
         result.loss = found.predicted_loss
         result.planning_time = conversions.duration_to_message(found.planning_ms * 1e-3)
         self._show(found)
@@ -154,35 +138,6 @@ class PlannerNode(Node):
                 "initial_grid with use_latest_grid false"
             )
         return conversions.voxel_grid_from_message(self._latest)
-
-    def _plan_message(self, found: FoldPlan) -> FoldPlanMsg:
-        header = self._table_header()
-        return FoldPlanMsg(
-            header=header,
-            manipulations=[
-                conversions.manipulation_to_message(item, header) for item in found.manipulations
-            ],
-            predicted_grids=[
-                conversions.voxel_grid_to_message(grid, header) for grid in found.predicted_grids
-            ],
-            predicted_loss=found.predicted_loss,
-        )
-
-    def _feedback(self, progress: PlanningProgress, initial: VoxelGrid) -> PlanFold.Feedback:
-        """The search's progress as a message; whether a hand is used is decided at the end."""
-        search, header = progress.search, self._table_header()
-        rows = np.asarray(search.best_values, dtype=np.float64)
-        made = [
-            Manipulation.from_network(row, (True, True), initial.field_of_view) for row in rows
-        ]
-        best_plan = FoldPlanMsg(
-            header=header,
-            manipulations=[conversions.manipulation_to_message(item, header) for item in made],
-            predicted_loss=search.best_cost,
-        )
-        return PlanFold.Feedback(
-            iteration=search.iteration, best_loss=search.best_cost, best_plan=best_plan
-        )
 
     def _show(self, found: FoldPlan) -> None:
         header = self._table_header()

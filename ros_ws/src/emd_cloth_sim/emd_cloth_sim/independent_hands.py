@@ -1,0 +1,64 @@
+"""Manipulations in which each hand goes a way of its own.
+
+The paper's hands share one displacement, and everything that plans or carries out a
+`emd_core.manipulation.Manipulation` relies on that. So this is a type of its own, which only the
+simulation takes: a planner or robot cannot be given it by mistake and drop a displacement.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from emd_core.errors import InvalidInputError
+from emd_core.frames import FieldOfView, FloatArray
+
+
+@dataclass(frozen=True)
+class IndependentManipulation:
+    """Grasp the cloth at one or two points, carry each by its own displacement, release both.
+
+    Attributes:
+        grasp_points_in_table: Shape (2, 2), metres, x and y in the table frame; NaN rows: unused.
+        displacements_in_table: Shape (2, 2), metres, one row a hand; NaN rows: unused.
+    """
+
+    grasp_points_in_table: FloatArray
+    displacements_in_table: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check shapes and values.
+
+        Raises:
+            InvalidInputError: If a shape is wrong, a row is neither finite nor NaN, the two do not
+                use the same hands, or no hand is used.
+        """
+        rows = []
+        for name in ("grasp_points_in_table", "displacements_in_table"):
+            values = np.asarray(getattr(self, name), dtype=np.float64)
+            if values.shape != (2, 2):
+                raise InvalidInputError(f"{name} must have shape (2, 2), got {values.shape}")
+            finite = np.isfinite(values).all(axis=1)
+            if not (finite | np.isnan(values).all(axis=1)).all():
+                raise InvalidInputError(f"each row of {name} must be finite or NaN, got {values}")
+            object.__setattr__(self, name, values)
+            rows.append(finite)
+        if (rows[0] != rows[1]).any() or not rows[0].any():
+            raise InvalidInputError(
+                "at least one hand must be used, with a grasp point and a displacement, got "
+                f"points for {rows[0]} and displacements for {rows[1]}"
+            )
+
+    @property
+    def used(self) -> tuple[bool, bool]:
+        """Which hands are used."""
+        points = self.grasp_points_in_table
+        return bool(np.isfinite(points[0]).all()), bool(np.isfinite(points[1]).all())
+
+    def normalised(self, field_of_view: FieldOfView) -> tuple[FloatArray, FloatArray]:
+        """Give grasp points and displacements, both (2, 2), in normalised units."""
+        return (
+            field_of_view.normalised_from_table(self.grasp_points_in_table),
+            field_of_view.normalised_from_table(self.displacements_in_table),
+        )

@@ -1,0 +1,91 @@
+"""What perception publishes: grid, mask, points, markers and diagnostics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+from sensor_msgs.msg import Image, PointCloud2
+from std_msgs.msg import Header
+from visualization_msgs.msg import MarkerArray
+
+from emd_core.ros import conversions
+from emd_core.ros.markers import voxel_marker
+from emd_msgs_py.msg import VoxelGrid as VoxelGridMsg
+from emd_perception.pipeline import Perception
+from emd_perception.ros.frame_pair import FramePair
+
+
+@dataclass(frozen=True)
+class PerceptionMessages:
+    """Messages of one perception: grid and points in the table frame, mask in the image."""
+
+    grid: Any
+    mask: Any
+    points: Any
+
+
+def perception_messages(perception: Perception, pair: FramePair) -> PerceptionMessages:
+    """Turn what was perceived in `pair` into messages with the stamp of its colour image."""
+    header = _table_header(pair)
+    mask = perception.mask.astype("uint8") * 255
+    return PerceptionMessages(
+        conversions.voxel_grid_to_message(perception.voxel_grid, header),
+        conversions.image_to_message(mask, "mono8", pair.colour.header),
+        conversions.points_to_message(perception.points_in_table, header),
+    )
+
+
+class PerceptionPublisher:
+    """Publishes a perception, or why there is none."""
+
+    def __init__(self, node: Node) -> None:
+        """Advertise the topics."""
+        self._name = node.get_fully_qualified_name()
+        self._grid = node.create_publisher(VoxelGridMsg, "perception/voxel_grid", 5)
+        self._mask = node.create_publisher(Image, "perception/mask", 5)
+        self._points = node.create_publisher(PointCloud2, "perception/points", 5)
+        self._markers = node.create_publisher(MarkerArray, "perception/markers", 5)
+        self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+
+    def publish(self, perception: Perception, pair: FramePair, dropped: int) -> None:
+        """Publish everything about `pair`; `dropped` frames were left out so far."""
+        messages = perception_messages(perception, pair)
+        self._grid.publish(messages.grid)
+        self._mask.publish(messages.mask)
+        self._points.publish(messages.points)
+        grid = perception.voxel_grid
+        marker = voxel_marker(grid, _table_header(pair), "perceived")
+        self._markers.publish(MarkerArray(markers=[marker]))
+        level = DiagnosticStatus.OK if perception.quality >= 0.5 else DiagnosticStatus.WARN
+        values = {
+            "grid": "yes",
+            "frames_dropped": str(dropped),
+            "quality": f"{perception.quality:.3f}",
+            "cloth_pixels": str(int(perception.mask.sum())),
+            "occupied_voxels": str(int(grid.occupancy.sum())),
+            **{f"ms_{name}": f"{value:.1f}" for name, value in perception.milliseconds.items()},
+        }
+        self._report(pair, level, perception.reason, values)
+
+    def report_failure(self, reason: str, pair: FramePair, dropped: int) -> None:
+        """Say why `pair` gave no grid."""
+        values = {"grid": "no", "frames_dropped": str(dropped)}
+        self._report(pair, DiagnosticStatus.ERROR, reason, values)
+
+    def _report(self, pair: FramePair, level: bytes, text: str, values: dict[str, str]) -> None:
+        """Say on /diagnostics what became of a pair; stamped like its colour image."""
+        status = DiagnosticStatus(
+            level=level,
+            name="perception: cloth",
+            message=text,
+            hardware_id=self._name,
+            values=[KeyValue(key=key, value=value) for key, value in values.items()],
+        )
+        self._diagnostics.publish(DiagnosticArray(header=_table_header(pair), status=[status]))
+
+
+def _table_header(pair: FramePair) -> Header:
+    return conversions.header(pair.colour.header.stamp, conversions.TABLE_FRAME)
