@@ -1,7 +1,5 @@
 """Claims about bending by hinges with a rest angle."""
 
-import math
-
 import numpy as np
 import pytest
 
@@ -70,8 +68,7 @@ def test_cantilever_sags_as_its_rigidity_says() -> None:
         internal_damping=0.01,
         sharpest_fold=0.0,
         damping=8.0,
-        grip_force=math.inf,
-        press_force=math.inf,
+        rigid_grip=True,
         grasp_radius=0.5,
     )
     flat = flat_positions(config.vertices, config.side_lengths) + [0.0, 0.0, 0.1]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,8 +45,7 @@ class ClothConfig:
             0.025 normalised, 0.0071 m.
         grasp_height_tolerance: Vertical reach up and down: generous, so that a hand takes all
             layers at its spot (paper, IV-B).
-        grip_force: Force at which cloth slips after its hand instead of being torn, N; infinite
-            for a rigid grip, which neither springs nor contacts move.
+        grip_force: Force at which cloth slips after its hand instead of being torn, N.
         press_force: The same downwards: fingertips cannot push slack cloth into a pile, N.
         settle_speed: The cloth rests when no more than one vertex in a thousand is faster, m/s.
         settle_time: For how long it must be so, seconds.
@@ -72,7 +70,9 @@ class ClothConfig:
         max_stretch: A state of which more than 1 % of the edges are stretched by a greater share
             than this cannot be believed.
         separation_speed: Fastest that a contact drives cloth that is too near apart, m/s. What
-            approaches is stopped at once in any case.
+            approaches is stopped at once in any case. 0: no bound.
+        rigid_grip: Whether what a hand holds follows it exactly, whatever forces pull; otherwise
+            up to `grip_force` and `press_force`.
     """
 
     side_lengths: tuple[float, float] = (0.40, 0.40)
@@ -104,7 +104,8 @@ class ClothConfig:
     bending: str = "rows"
     plastic: bool = False
     desk_gap: float = 0.0
-    separation_speed: float = math.inf
+    separation_speed: float = 0.0
+    rigid_grip: bool = False
     repair_crossings: bool = True
     max_stretch: float = 0.03
 
@@ -132,19 +133,10 @@ class ClothConfig:
                 "a plastic cloth needs membrane 'springs' and bending 'hinges', as the others "
                 f"know only a flat rest shape; got {self.membrane!r} and {self.bending!r}"
             )
-        if not self.separation_speed > 0:
-            raise InvalidInputError(
-                f"separation_speed must be positive, got {self.separation_speed}"
-            )
         if min(self.substeps, self.spring_sweeps) < 1:
             raise InvalidInputError(
                 f"substeps and spring_sweeps must be at least 1, got {self.substeps} and "
                 f"{self.spring_sweeps}"
-            )
-        if not min(self.grip_force, self.press_force) > 0:
-            raise InvalidInputError(
-                f"grip_force and press_force must be positive, got {self.grip_force} and "
-                f"{self.press_force}"
             )
         if self.thickness > 0.6 * min(self.spacing) + 1e-9:
             raise InvalidInputError(
@@ -170,11 +162,6 @@ class ClothConfig:
         """Mass of one vertex, kg."""
         area = self.side_lengths[0] * self.side_lengths[1]
         return self.areal_density * area / (self.vertices[0] * self.vertices[1])
-
-    @property
-    def rigid_grip(self) -> bool:
-        """Whether neither springs nor contacts move what a hand holds."""
-        return math.isinf(self.grip_force)
 
     @property
     def rest_height(self) -> float:
@@ -238,6 +225,8 @@ _POSITIVE = (
     "vertices_per_substep",
     "grasp_radius",
     "grasp_height_tolerance",
+    "grip_force",
+    "press_force",
     "settle_speed",
     "settle_time",
     "squeeze_ratio",
@@ -253,6 +242,7 @@ _NOT_NEGATIVE = (
     "damping",
     "internal_damping",
     "desk_gap",
+    "separation_speed",
 )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from emd_cloth_sim.evaluate import Pair
 from emd_cloth_sim.replay import resample_sheet
 from emd_core.frames import FloatArray
+from emd_core.whole_file import whole_file
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402  (the backend is chosen first)
@@ -51,9 +52,11 @@ def draw_examples(pairs: Sequence[Pair], path: Path) -> None:
     for (name, pair), row in zip(rows, axes, strict=True):
         _draw_pair(name, pair, row)
     figure.tight_layout(pad=0.6)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=100)
-    plt.close(figure)
+    try:
+        with whole_file(path) as temporary:
+            figure.savefig(temporary, dpi=100)
+    finally:
+        plt.close(figure)
 
 
 def _draw_pair(name: str, pair: Pair, row: Sequence[plt.Axes]) -> None:

@@ -4,25 +4,19 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import tempfile
 from pathlib import Path
 from typing import Any
 
+from emd_core.whole_file import write_text
+
 
 def write_json(path: Path, content: Any) -> None:
-    """Write `content` with an infinite or missing number as null; makes the folder."""
-    text = json.dumps(_finite(content), indent=1, allow_nan=False) + "\n"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    descriptor, temporary = tempfile.mkstemp(suffix=".tmp", dir=path.parent)
-    try:
-        with os.fdopen(descriptor, "w", encoding="utf-8") as stream:
-            stream.write(text)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    """Write `content`, numbers that are not finite as null; makes the folder.
+
+    Raises:
+        InvalidInputError: If nothing can be written there.
+    """
+    write_text(path, json.dumps(_finite(content), indent=1, allow_nan=False) + "\n")
 
 
 def _finite(content: Any) -> Any:

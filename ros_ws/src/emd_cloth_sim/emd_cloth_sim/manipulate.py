@@ -72,31 +72,30 @@ def _manipulate_as_reference(
 ) -> ManipulationOutcome:
     cloth.stop()
     cloth.take_rest_shape()
-    starts = {}
+    starts, offsets = {}, {}
     for hand in range(2):
         if manipulation.used[hand]:
             starts[hand] = np.array([*manipulation.grasp_points_in_table[hand], 0.0])
+            offsets[hand] = reference_offsets(manipulation.displacements_in_table[hand], config)
             cloth.grasp(hand, _tool_frame(starts[hand]))
     held = (cloth.held_count(0), cloth.held_count(1))
-    offsets = {
-        hand: reference_offsets(manipulation.displacements_in_table[hand], config)
-        for hand in starts
-    }
-    frames = max(len(way) for way in offsets.values())
-    if any(held):
-        for frame in range(frames):
-            for hand, start in starts.items():
-                way = offsets[hand]  # one that ends sooner waits where it is
-                cloth.move_hand(hand, _tool_frame(start + way[min(frame, len(way) - 1)]))
-            cloth.advance(config.frame)
+    if not any(held):
+        return ManipulationOutcome(held, 0.0, 0.0, cloth.settled, cloth.check())
+    frames = max(len(path) for path in offsets.values())
+    for frame in range(frames):
+        for hand, path in offsets.items():
+            # A hand with a shorter way waits at its end for the other.
+            offset = path[min(frame, len(path) - 1)]
+            cloth.move_hand(hand, _tool_frame(starts[hand] + offset))
+        cloth.advance(config.frame)
     for hand in starts:
         cloth.release(hand)
-    if any(held):
-        for _ in range(config.frames_after):
-            cloth.advance(config.frame)
-    carry_time = frames * config.frame if any(held) else 0.0
-    settle_time = config.frames_after * config.frame if any(held) else 0.0
-    return ManipulationOutcome(held, carry_time, settle_time, cloth.settled, cloth.check())
+    for _ in range(config.frames_after):
+        cloth.advance(config.frame)
+    settle_time = config.frames_after * config.frame
+    return ManipulationOutcome(
+        held, frames * config.frame, settle_time, cloth.settled, cloth.check()
+    )
 
 
 def settle(cloth: Cloth, time_limit: float) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -43,8 +42,7 @@ REFERENCE = ClothPreset(
         substeps=9,
         grasp_radius=0.025 * 0.40 / 1.4,
         grasp_height_tolerance=0.2,
-        grip_force=math.inf,
-        press_force=math.inf,
+        rigid_grip=True,
         membrane="springs",
         squeeze_ratio=0.67,
         internal_damping=0.009,

@@ -279,7 +279,7 @@ def step_settings(config: ClothConfig, substep: float) -> StepSettings:
         cloth_friction=single(config.cloth_friction),
         desk_friction=single(config.desk_friction),
         rest_height=single(config.rest_height),
-        separation=single(min(config.separation_speed * substep, UNBOUNDED)),
+        separation=single(config.separation_speed * substep or UNBOUNDED),
         weave=weave,
         rows=config.bending == "rows",
         rigid_grip=config.rigid_grip,
