@@ -188,8 +188,8 @@ def _smooth(patches: Patches, p: int, q: int, facing: np.float32) -> bool:
 def pair_patches(patches: Patches, facing: np.float32, gap: np.float32) -> int:
     """List the pairs of patches, first no later than second, that may touch.
 
-    Their boxes are less than `gap` (metres) apart, and they are not neighbours all of whose normals are within one cone, the
-    cosine of whose half angle is `facing` (above 1: none are).
+    Their boxes are less than `gap` (metres) apart, and they are not neighbours all of whose
+    normals are within one cone, the cosine of whose half angle is `facing` (above 1: none are).
     """
     boxes, pairs = patches.patch_boxes, patches.pairs
     found = 0

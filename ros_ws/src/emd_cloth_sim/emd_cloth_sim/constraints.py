@@ -80,7 +80,8 @@ def resist_shear(
     """
     inverse = ONE / length
     first, second = columns // 2, (columns - 1) // 2
-    # Cells of even rows and even columns, even and odd, odd and even, odd and odd: two triangles each.
+    # Cells of even rows and even columns, even and odd, odd and even, odd and odd, with two
+    # triangles each.
     for q in range(rows // 2):
         row = 2 * q * ROW
         _square_run(planes, row + ROW, row, row + ROW + HALF, first, inverse, compliance)

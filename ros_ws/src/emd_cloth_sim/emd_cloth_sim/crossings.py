@@ -211,9 +211,9 @@ def undo_crossings(
 ) -> int:
     """Put vertices that take part in a crossing back to where they were `safe`, at rest.
 
-    What this makes cross anew is put back with ever more around it, in the end everything: a state without
-    crossings never is followed by one with them; their edges are watched. Then the present state becomes the safe one. Returns
-    how many vertices were put back.
+    What this makes cross anew is put back with ever more around it, in the end everything: a state
+    without crossings never is followed by one with them. Their edges are watched, and the present
+    state becomes the safe one. Returns how many vertices were put back.
     """
     moved = 0
     for sweep in range(ROUNDS):

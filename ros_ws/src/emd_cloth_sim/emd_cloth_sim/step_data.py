@@ -145,8 +145,8 @@ class StepSettings(NamedTuple):
     """Numbers of a step: SI units; compliances times vertex mass over squared substep.
 
     With `weave` the membrane is the weave's, else that of the damped springs; with `rows` three
-    vertices in a row seek a straight line. `sheet` holds the counts of vertices along x and y, their spacings, and how far apart on the
-    flat sheet a vertex and a cell are that may collide.
+    vertices in a row seek a straight line. `sheet` holds the counts of vertices along x and y,
+    their spacings, and how far apart on the flat sheet a vertex and a cell are that may collide.
     """
 
     substep: np.float32
