@@ -16,7 +16,8 @@ from emd_core.errors import InvalidInputError
         {"damping": float("nan")},
         {"gravity": (0.0, 0.0, float("inf"))},
         {"substeps": 0},
-        {"thickness": 0.008},
+        {"thickness": 0.05},
+        {"vertices": (41, 200)},
         {"max_speed": 20.0},
     ],
 )
@@ -36,8 +37,9 @@ def test_bad_path_is_rejected(values: dict) -> None:
 
 
 def test_finer_mesh_gets_more_substeps() -> None:
-    """Substeps grow with the vertices of a side, so that stretch does not."""
-    assert ClothConfig(vertices=(81, 81)).mesh_substeps == 2 * ClothConfig().mesh_substeps
+    """Substeps grow with the vertices of the longer side, so that stretch does not."""
+    assert ClothConfig(vertices=(41, 81)).mesh_substeps == 14
+    assert ClothConfig(vertices=(101, 41)).mesh_substeps == 18
     assert ClothConfig(vertices=(21, 21)).mesh_substeps == ClothConfig().mesh_substeps
 
 

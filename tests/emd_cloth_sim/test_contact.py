@@ -7,6 +7,7 @@ from numba import njit
 from emd_cloth_sim.closest_points import closest_on_segments as segments_kernel
 from emd_cloth_sim.closest_points import closest_on_triangle as triangle_kernel
 from emd_cloth_sim.contact import collide_with_desk
+from emd_cloth_sim.step_data import UNBOUNDED
 
 
 @njit
@@ -52,5 +53,5 @@ def test_desk_friction_is_bounded_by_the_push() -> None:
     """A vertex pushed out of the desk by d is braked by at most friction * d."""
     previous = np.zeros((2, 3), dtype=np.float32)
     position = np.array([[0.010, 0.0, -0.002], [0.0005, 0.0, -0.002]], np.float32)
-    collide_with_desk(position, previous, np.float32(0.0), np.float32(0.5))
+    collide_with_desk(position, previous, np.float32(0.0), np.float32(0.5), np.float32(UNBOUNDED))
     np.testing.assert_allclose(position, [[0.009, 0.0, 0.0], [0.0, 0.0, 0.0]], atol=1e-9)

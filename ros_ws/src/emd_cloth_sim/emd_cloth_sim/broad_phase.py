@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from emd_cloth_sim.mesh import IndexArray
-from emd_cloth_sim.planes import FAST
+from emd_cloth_sim.planes import FAST, Single
 
 SIDE = 4
 PLACES = SIDE * SIDE
@@ -86,7 +86,7 @@ def make_patches(vertices: tuple[int, int]) -> Patches:
 
 @njit(**FAST)
 def fill_boxes(
-    position: NDArray[np.float32], rows: int, columns: int, pad: np.float32, patches: Patches
+    position: NDArray[np.float32], rows: int, columns: int, pad: Single, patches: Patches
 ) -> None:
     """Put boxes grown by `pad` around all cells and patches."""
     patch_boxes = patches.patch_boxes
@@ -101,7 +101,7 @@ def fill_patch(
     position: NDArray[np.float32],
     rows: int,
     columns: int,
-    pad: np.float32,
+    pad: Single,
     patches: Patches,
     p: int,
 ) -> None:
@@ -161,7 +161,7 @@ def fill_normals(position: NDArray[np.float32], triangles: IndexArray, patches: 
 
 
 @njit(inline="always")
-def _smooth(patches: Patches, p: int, q: int, facing: np.float32) -> bool:
+def _smooth(patches: Patches, p: int, q: int, facing: Single) -> bool:
     """Whether two patches are neighbours that face the same way, so that they cannot meet.
 
     The cosines of all their normals with one direction must be above `facing` (Volino and
@@ -185,7 +185,7 @@ def _smooth(patches: Patches, p: int, q: int, facing: np.float32) -> bool:
 
 
 @njit(**FAST)
-def pair_patches(patches: Patches, facing: np.float32, gap: np.float32) -> int:
+def pair_patches(patches: Patches, facing: Single, gap: Single) -> int:
     """List the pairs of patches, first no later than second, that may touch.
 
     Their boxes are less than `gap` (metres) apart, and they are not neighbours all of whose
@@ -209,9 +209,7 @@ def pair_patches(patches: Patches, facing: np.float32, gap: np.float32) -> int:
 
 
 @njit(inline="always")
-def box_of(
-    boxes: Boxes, n: int
-) -> tuple[np.float32, np.float32, np.float32, np.float32, np.float32, np.float32]:
+def box_of(boxes: Boxes, n: int) -> tuple[Single, Single, Single, Single, Single, Single]:
     """Low x, high x, low y, high y, low z, high z of box n; boxes come in blocks of `PLACES`."""
     at = n // PLACES * 6 * PLACES + n % PLACES
     return (
@@ -225,7 +223,7 @@ def box_of(
 
 
 @njit(inline="always")
-def gap_between(boxes: Boxes, p: int, q: int) -> np.float32:
+def gap_between(boxes: Boxes, p: int, q: int) -> Single:
     """Lower bound of the distance between what is in two boxes, negative if they overlap."""
     px0, px1, py0, py1, pz0, pz1 = box_of(boxes, p)
     qx0, qx1, qy0, qy1, qz0, qz1 = box_of(boxes, q)
@@ -237,12 +235,12 @@ def gap_between(boxes: Boxes, p: int, q: int) -> np.float32:
 def mark_overlaps(
     boxes: Boxes,
     block: int,
-    x0: np.float32,
-    x1: np.float32,
-    y0: np.float32,
-    y1: np.float32,
-    z0: np.float32,
-    z1: np.float32,
+    x0: Single,
+    x1: Single,
+    y0: Single,
+    y1: Single,
+    z0: Single,
+    z1: Single,
 ) -> int:
     """Which boxes of a block meet the given one, as bits."""
     # A view of the block alone spares the compiler doubts about the signs of its indices.

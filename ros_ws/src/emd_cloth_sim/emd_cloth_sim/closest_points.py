@@ -9,6 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from emd_cloth_sim.planes import Single
+
 Positions = NDArray[np.floating[Any]]
 ZERO, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 NEARLY_PARALLEL = np.float32(1e-3)
@@ -17,8 +19,8 @@ TINY = np.float32(1e-14)
 
 @njit(inline="always")
 def closest_on_triangle(
-    px: float, py: float, pz: float, position: Positions, a: int, b: int, c: int
-) -> tuple[float, float, float]:
+    px: Single, py: Single, pz: Single, position: Positions, a: int, b: int, c: int
+) -> tuple[Single, Single, Single]:
     """Barycentric weights of the point of triangle a, b, c that is closest to p.
 
     By Voronoi regions (Ericson, "Real-Time Collision Detection", 5.1.5).
@@ -67,7 +69,7 @@ def closest_on_triangle(
 
 
 @njit(inline="always")
-def height_over_triangle(position: Positions, v: int, a: int, b: int, c: int) -> float:
+def height_over_triangle(position: Positions, v: int, a: int, b: int, c: int) -> Single:
     """Signed distance of vertex v from the plane of triangle a, b, c; 0 if it has no area."""
     abx, aby, abz = (
         position[b, 0] - position[a, 0],
@@ -94,7 +96,7 @@ def height_over_triangle(position: Positions, v: int, a: int, b: int, c: int) ->
 @njit(inline="always")
 def closest_on_segments(
     position: Positions, p: int, q: int, u: int, w: int
-) -> tuple[float, float, float, float, float, float]:
+) -> tuple[Single, Single, Single, Single, Single, Single]:
     """Parameters of the closest points of segments p-q and u-w, and the vector between them.
 
     Ericson, "Real-Time Collision Detection", 5.1.9.
@@ -143,7 +145,7 @@ def closest_on_segments(
 @njit(inline="always")
 def height_over_edge(
     position: Positions, p: int, q: int, u: int, w: int
-) -> tuple[float, float, float, float]:
+) -> tuple[Single, Single, Single, Single]:
     """Signed distance of the lines p-q and u-w, and their common unit normal; 0 if parallel."""
     ax, ay, az = (
         position[q, 0] - position[p, 0],

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from emd_cloth_sim.planes import MAX_VERTICES
 from emd_core.errors import InvalidInputError
 
 MEMBRANES = ("weave", "springs")
@@ -22,9 +23,9 @@ class ClothConfig:
 
     Attributes:
         side_lengths: Extent along x and y of the flat sheet, metres.
-        vertices: Mesh vertices along x and y, at least 5 each.
-        thickness: Distance that two layers keep, metres. At most 0.6 of the vertex spacing, as
-            neighbouring vertices would push each other apart otherwise.
+        vertices: Mesh vertices along x and y, 5 to `planes.MAX_VERTICES` each.
+        thickness: Distance that two layers keep, metres, whatever the mesh. What is closer on the
+            flat sheet than 1.5 of it, or a vertex spacing, does not collide.
         areal_density: kg/m^2. A cotton hand towel has 0.3 to 0.5.
         stretch_compliance: Inverse of the membrane stiffness, m/N.
         shear_compliance: Inverse of the shear stiffness of the weave, m/N. Cotton: 0.01 to 0.1.
@@ -139,10 +140,14 @@ class ClothConfig:
                 f"substeps and spring_sweeps must be at least 1, got {self.substeps} and "
                 f"{self.spring_sweeps}"
             )
-        if self.thickness > 0.6 * min(self.spacing) + 1e-9:
+        if self.thickness > 0.1 * min(self.side_lengths):
             raise InvalidInputError(
-                f"thickness {self.thickness} m must be at most 0.6 of the vertex spacing "
-                f"{min(self.spacing):.4f} m; use fewer vertices or a thinner cloth"
+                f"thickness {self.thickness} m must be at most a tenth of the shorter side of "
+                f"{self.side_lengths} m"
+            )
+        if max(self.vertices) > MAX_VERTICES:
+            raise InvalidInputError(
+                f"vertices must be at most {MAX_VERTICES} a side, got {self.vertices}"
             )
         if self.max_speed * self.step / self.mesh_substeps > 0.5 * self.thickness:
             raise InvalidInputError(

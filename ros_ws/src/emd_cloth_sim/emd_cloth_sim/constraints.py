@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from emd_cloth_sim.mesh import IndexArray
-from emd_cloth_sim.planes import FAST, HALF, LANES, PITCH, ROW, Plane
+from emd_cloth_sim.planes import FAST, HALF, LANES, PITCH, ROW, Plane, Single
 
 ONE, TWO = np.float32(1.0), np.float32(2.0)
 ZERO, HALF_SHARE = np.float32(0.0), np.float32(0.5)
@@ -30,7 +30,7 @@ def hold_lengths(
     length_y: Plane,
     rows: int,
     columns: int,
-    compliance: np.float32,
+    compliance: Single,
 ) -> None:
     """Pull neighbours to their rest lengths, which are listed at the lower vertex of each pair."""
     factor = ONE / (TWO + compliance)
@@ -49,7 +49,7 @@ def hold_lengths(
 
 @njit(inline="always")
 def _pull_run(
-    planes: Plane, first: int, second: int, length: Plane, at: int, count: int, factor: np.float32
+    planes: Plane, first: int, second: int, length: Plane, at: int, count: int, factor: Single
 ) -> None:
     """Pull `count` pairs that share no vertex."""
     for tile in range((count + LANES - 1) // LANES):
@@ -71,7 +71,7 @@ def _pull_run(
 
 @njit(**FAST)
 def resist_shear(
-    planes: Plane, rows: int, columns: int, length: np.float32, compliance: np.float32
+    planes: Plane, rows: int, columns: int, length: Single, compliance: Single
 ) -> None:
     """Pull the legs of right-angled triangles to a right angle.
 
@@ -80,8 +80,8 @@ def resist_shear(
     """
     inverse = ONE / length
     first, second = columns // 2, (columns - 1) // 2
-    # Cells of even rows and even columns, even and odd, odd and even, odd and odd, with two
-    # triangles each.
+    # Two triangles of each cell: of even rows and even columns, even and odd, odd and even, odd
+    # and odd.
     for q in range(rows // 2):
         row = 2 * q * ROW
         _square_run(planes, row + ROW, row, row + ROW + HALF, first, inverse, compliance)
@@ -117,8 +117,8 @@ def _square_run(
     one: int,
     other: int,
     count: int,
-    inverse: np.float32,
-    compliance: np.float32,
+    inverse: Single,
+    compliance: Single,
 ) -> None:
     """Pull `count` angles that share no vertex, at `corner` with the legs to `one` and `other`."""
     for tile in range((count + LANES - 1) // LANES):
@@ -151,9 +151,9 @@ def limit_sharpness(
     planes: Plane,
     rows: int,
     columns: int,
-    shortest_x: np.float32,
-    shortest_y: np.float32,
-    shortest_diagonal: np.float32,
+    shortest_x: Single,
+    shortest_y: Single,
+    shortest_diagonal: Single,
 ) -> None:
     """Keep vertices two edges or a diagonal apart at a distance, so that no fold is sharper."""
     even, odd = (columns + 1) // 2, columns // 2
@@ -173,7 +173,7 @@ def limit_sharpness(
 
 @njit(inline="always")
 def _keep_apart(
-    planes: Plane, first: int, second: int, count: int, shortest: np.float32, chained: bool
+    planes: Plane, first: int, second: int, count: int, shortest: Single, chained: bool
 ) -> None:
     """Push `count` pairs; most are far apart, so whole tiles of them are passed over.
 
@@ -217,7 +217,7 @@ def _keep_apart(
 
 
 @njit(inline="always")
-def _square_gap(planes: Plane, a: int, b: int) -> np.float32:
+def _square_gap(planes: Plane, a: int, b: int) -> Single:
     x = planes[b] - planes[a]
     y = planes[b + PITCH] - planes[a + PITCH]
     z = planes[b + 2 * PITCH] - planes[a + 2 * PITCH]
@@ -226,7 +226,7 @@ def _square_gap(planes: Plane, a: int, b: int) -> np.float32:
 
 @njit(**FAST)
 def resist_bending(
-    planes: Plane, bend: Plane, rows: int, columns: int, compliance: np.float32
+    planes: Plane, bend: Plane, rows: int, columns: int, compliance: Single
 ) -> None:
     """Pull three vertices in a row towards a straight line (quadratic bending energy).
 
@@ -248,7 +248,7 @@ def resist_bending(
 
 
 @njit(inline="always")
-def _bend_run(planes: Plane, bend: Plane, run: int, columns: int, factor: np.float32) -> None:
+def _bend_run(planes: Plane, bend: Plane, run: int, columns: int, factor: Single) -> None:
     """Bending along j of one coordinate of one row, whose run begins at `run`."""
     # At even j, then at odd j; places without two neighbours are set to zero afterwards.
     for m in range(HALF - 1):
@@ -275,7 +275,7 @@ def pull_to_hands(
     held: IndexArray,
     start: NDArray[np.float32],
     end: NDArray[np.float32],
-    progress: np.float32,
+    progress: Single,
     reach: NDArray[np.float32],
 ) -> None:
     """Move held vertices to their place in the hand, as far as the grip's force allows.

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from emd_cloth_sim.closest_points import closest_on_triangle, height_over_triangle
 from emd_cloth_sim.contact_pairs import Candidates, Contacts, Segments
 from emd_cloth_sim.mesh import IndexArray
-from emd_cloth_sim.planes import FAST
+from emd_cloth_sim.planes import FAST, Single
 
 Positions = NDArray[np.floating[Any]]
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
@@ -35,11 +35,11 @@ def _gap(
     a: int,
     b: int,
     c: int,
-    wa: np.float32,
-    wb: np.float32,
-    wc: np.float32,
+    wa: Single,
+    wb: Single,
+    wc: Single,
     k: int,
-) -> np.float32:
+) -> Single:
     """From the triangle's point to the vertex, along axis k."""
     return position[v, k] - wa * position[a, k] - wb * position[b, k] - wc * position[c, k]
 
@@ -51,9 +51,9 @@ def find_contacts(
     candidates: Candidates,
     segments: Segments,
     m: int,
-    so_far: np.float32,
-    horizon: np.float32,
-    thickness: np.float32,
+    so_far: Single,
+    horizon: Single,
+    thickness: Single,
     contacts: Contacts,
 ) -> None:
     """List those candidates of pair m of patches that may touch before these move the `horizon`.
@@ -114,9 +114,9 @@ def collide_with_self(
     contacts: Contacts,
     segments: Segments,
     pairs: int,
-    thickness: np.float32,
-    friction: np.float32,
-    separation: np.float32,
+    thickness: Single,
+    friction: Single,
+    separation: Single,
 ) -> None:
     """Push vertices and triangles that are closer than `thickness` apart, with friction.
 
@@ -151,11 +151,11 @@ def _push_apart(
     position: Positions,
     previous: Positions,
     corners: tuple[int, int, int, int],
-    weights: tuple[float, float, float],
-    normal: tuple[float, float, float],
-    depth: float,
-    friction: float,
-    separation: float,
+    weights: tuple[Single, Single, Single],
+    normal: tuple[Single, Single, Single],
+    depth: Single,
+    friction: Single,
+    separation: Single,
 ) -> None:
     """Move a vertex and a triangle of equal masses apart by `depth`, and brake their sliding.
 
@@ -202,11 +202,11 @@ def _relative_way(
     a: int,
     b: int,
     c: int,
-    wa: float,
-    wb: float,
-    wc: float,
+    wa: Single,
+    wb: Single,
+    wc: Single,
     k: int,
-) -> float:
+) -> Single:
     """Way of vertex v in this substep against the triangle's point below it, along axis k."""
     return (
         position[v, k]
@@ -221,9 +221,9 @@ def _relative_way(
 def collide_with_desk(
     position: Positions,
     previous: Positions,
-    height: float,
+    height: Single,
     friction: float,
-    separation: float,
+    separation: Single,
 ) -> None:
     """Keep vertices at least `height` over the desk (z = 0) and brake their sliding on it.
 

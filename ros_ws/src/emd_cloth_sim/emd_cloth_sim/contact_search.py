@@ -20,11 +20,11 @@ from emd_cloth_sim.broad_phase import (
 from emd_cloth_sim.closest_points import height_over_triangle
 from emd_cloth_sim.contact_pairs import Candidates, Motion, Segments
 from emd_cloth_sim.mesh import IndexArray
-from emd_cloth_sim.planes import FAST
+from emd_cloth_sim.planes import FAST, Single
 
 # Counts of vertices along x and y, their spacings, and how far apart on the flat sheet a vertex
 # and a cell must be to collide, metres.
-Sheet = tuple[int, int, np.float32, np.float32, np.float32]
+Sheet = tuple[int, int, Single, Single, Single]
 
 # Neighbours whose normals are within 45 degrees of one direction do not touch each other.
 FACING = np.float32(0.7)
@@ -39,7 +39,7 @@ def list_pairs(
     position: NDArray[np.float32],
     triangles: IndexArray,
     sheet: Sheet,
-    reach: np.float32,
+    reach: Single,
     patches: Patches,
     segments: Segments,
     motion: Motion,
@@ -67,8 +67,8 @@ def search_pair(
     position: NDArray[np.float32],
     triangles: IndexArray,
     sheet: Sheet,
-    reach: np.float32,
-    thickness: np.float32,
+    reach: Single,
+    thickness: Single,
     m: int,
     patches: Patches,
     motion: Motion,
@@ -89,25 +89,23 @@ def search_pair(
     gap = gap_between(patches.patch_boxes, p, q)
     stop = used
     if gap <= ZERO:
-        stop = _find_between(
-            position, triangles, sheet, reach, thickness, p, q, patches, so_far, candidates, stop
-        )
-        if stop >= 0 and p != q:
+        for turn in range(1 if p == q else 2):
+            one, other = (p, q) if turn == 0 else (q, p)
             stop = _find_between(
                 position,
                 triangles,
                 sheet,
                 reach,
                 thickness,
-                q,
-                p,
+                one,
+                other,
                 patches,
                 so_far,
                 candidates,
                 stop,
             )
-        if stop < 0:
-            return -1
+            if stop < 0:
+                return -1
     segments.start[m], segments.stop[m] = used, stop
     segments.search[m] = so_far + max(gap, reach - thickness)
     segments.wake[m] = so_far if stop > used else NEVER
@@ -119,12 +117,12 @@ def _find_between(
     position: NDArray[np.float32],
     triangles: IndexArray,
     sheet: Sheet,
-    reach: np.float32,
-    thickness: np.float32,
+    reach: Single,
+    thickness: Single,
     p: int,
     q: int,
     patches: Patches,
-    so_far: np.float32,
+    so_far: Single,
     candidates: Candidates,
     found: int,
 ) -> int:
@@ -160,7 +158,7 @@ def _distance_on_sheet(
     vertex: int,
     cell: int,
     sheet: Sheet,
-) -> np.float32:
+) -> Single:
     """Square of the distance of a place's vertex and a place's cell on the flat sheet."""
     rows = patches.rows[cell] - patches.rows[vertex]
     columns = patches.columns[cell] - patches.columns[vertex]
@@ -175,9 +173,9 @@ def _add_if_near(
     triangles: IndexArray,
     v: int,
     t: int,
-    reach: np.float32,
-    thickness: np.float32,
-    so_far: np.float32,
+    reach: Single,
+    thickness: Single,
+    so_far: Single,
     candidates: Candidates,
     found: int,
 ) -> int:

@@ -25,7 +25,7 @@ from emd_cloth_sim.broad_phase import (
 )
 from emd_cloth_sim.edge_contact import EdgePairs, watch_edges
 from emd_cloth_sim.mesh import IndexArray
-from emd_cloth_sim.planes import FAST
+from emd_cloth_sim.planes import FAST, Single
 
 Positions = NDArray[np.floating[Any]]
 # All normals within a right angle of one direction: no crossing.
@@ -45,7 +45,7 @@ def find_crossings(
     rows: int,
     columns: int,
     patches: Patches,
-    facing: np.float32,
+    facing: Single,
     found: IndexArray,
 ) -> int:
     """List crossings as the five vertices of edge and triangle, shape (M, 5); returns how many.
@@ -211,9 +211,9 @@ def undo_crossings(
 ) -> int:
     """Put vertices that take part in a crossing back to where they were `safe`, at rest.
 
-    What this makes cross anew is put back with ever more around it, in the end everything: a state
-    without crossings never is followed by one with them. Their edges are watched, and the present
-    state becomes the safe one. Returns how many vertices were put back.
+    What this makes cross anew is put back with ever more around it, in the end everything: a
+    state without crossings is never followed by one with them. Their edges are watched from then
+    on. Then the present state becomes the safe one. Returns how many vertices were put back.
     """
     moved = 0
     for sweep in range(ROUNDS):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from emd_cloth_sim.closest_points import NEARLY_PARALLEL, closest_on_segments, height_over_edge
 from emd_cloth_sim.mesh import IndexArray
-from emd_cloth_sim.planes import FAST
+from emd_cloth_sim.planes import FAST, Single
 
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 LONGEST_PUSH = np.float32(0.3)
@@ -25,17 +25,17 @@ PARTED = np.float32(3.0)
 
 
 class EdgePairs(NamedTuple):
-    """Edges that are watched; `count` of them, shape (1,).
+    """Edges that are watched.
 
     Attributes:
         ends: Vertices of the one and of the other edge, shape (M, 4).
         side: On which side of the other edge the one is, 1 or -1, shape (M,).
-        count: How many pairs there are, shape (1,).
+        length: How many pairs there are, shape (1,).
     """
 
     ends: IndexArray
     side: NDArray[np.float32]
-    count: NDArray[np.int64]
+    length: NDArray[np.int64]
 
 
 def allocate_edge_pairs(size: int) -> EdgePairs:
@@ -77,7 +77,7 @@ def _watch(
 
 
 @njit(**FAST)
-def forget_parted(position: NDArray[np.float32], pairs: EdgePairs, thickness: np.float32) -> None:
+def forget_parted(position: NDArray[np.float32], pairs: EdgePairs, thickness: Single) -> None:
     """Drop the pairs that are far from each other."""
     ends, side, count = pairs
     kept = 0
@@ -94,7 +94,7 @@ def forget_parted(position: NDArray[np.float32], pairs: EdgePairs, thickness: np
 
 
 @njit(**FAST)
-def collide_edges(position: NDArray[np.float32], pairs: EdgePairs, thickness: np.float32) -> None:
+def collide_edges(position: NDArray[np.float32], pairs: EdgePairs, thickness: Single) -> None:
     """Push watched edges that are closer than `thickness` apart along their common normal."""
     ends, side, count = pairs
     for n in range(count[0]):

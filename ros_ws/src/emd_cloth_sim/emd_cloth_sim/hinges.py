@@ -10,12 +10,16 @@ only every few substeps.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from emd_cloth_sim.mesh import IndexArray
 from emd_core.frames import FloatArray
+
+Positions = NDArray[Any]  # in single or double precision
 
 
 def cell_hinges(vertices: tuple[int, int]) -> IndexArray:
@@ -31,7 +35,7 @@ def cell_hinges(vertices: tuple[int, int]) -> IndexArray:
     return np.ascontiguousarray(np.concatenate([along_x, along_y[:, [1, 0, 2, 3, 4, 5]]]))
 
 
-def hinge_angles(position: FloatArray, hinges: IndexArray) -> FloatArray:
+def hinge_angles(position: Positions, hinges: IndexArray) -> FloatArray:
     """Angles by which the cells at each hinge are turned against each other, (H,), radians."""
     angles = np.empty(len(hinges))
     _measure_angles(position, hinges, angles)
@@ -40,7 +44,7 @@ def hinge_angles(position: FloatArray, hinges: IndexArray) -> FloatArray:
 
 @njit(cache=True)
 def turn_hinges(
-    position: FloatArray,
+    position: Positions,
     hinges: IndexArray,
     rest_angles: FloatArray,
     gains: FloatArray,
@@ -75,14 +79,14 @@ def turn_hinges(
 
 
 @njit(cache=True)
-def _measure_angles(position: FloatArray, hinges: IndexArray, angles: FloatArray) -> None:
+def _measure_angles(position: Positions, hinges: IndexArray, angles: FloatArray) -> None:
     normals = np.empty(6)
     for h in range(hinges.shape[0]):
         angles[h] = _angle(position, hinges, h, normals)
 
 
 @njit(cache=True)
-def _angle(position: FloatArray, hinges: IndexArray, h: int, normals: FloatArray) -> float:
+def _angle(position: Positions, hinges: IndexArray, h: int, normals: FloatArray) -> float:
     """Signed angle at a hinge, radians; `normals` gets the unit normals of its two cells."""
     i, j = hinges[h, 0], hinges[h, 1]
     ex = position[j, 0] - position[i, 0]

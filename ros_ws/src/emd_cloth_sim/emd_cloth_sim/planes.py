@@ -8,7 +8,7 @@ them with one instruction; the surplus lanes at the end of a run are given no we
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numba import njit
@@ -24,6 +24,8 @@ MAX_VERTICES = 2 * (HALF - 1)
 FAST: dict[str, Any] = {"cache": True, "fastmath": True, "error_model": "numpy"}
 
 Plane = NDArray[np.float32]
+# A number in single precision; mypy cannot follow what Numba makes of arithmetic with it.
+Single: TypeAlias = Any
 
 
 def empty_planes(rows: int) -> Plane:

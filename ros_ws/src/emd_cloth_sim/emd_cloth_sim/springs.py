@@ -8,17 +8,21 @@ sheet behaves like a viscous film where it is pulled fast.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from numba import njit
+from numpy.typing import NDArray
 
 from emd_cloth_sim.mesh import IndexArray
 from emd_core.frames import FloatArray
 
+Positions = NDArray[Any]  # in single or double precision
+
 
 @njit(cache=True)
 def hold_damped_lengths(
-    position: FloatArray,
-    previous: FloatArray,
+    position: Positions,
+    previous: Positions,
     mobility: FloatArray,
     pairs: IndexArray,
     lengths: FloatArray,

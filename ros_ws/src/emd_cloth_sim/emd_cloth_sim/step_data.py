@@ -23,7 +23,7 @@ from emd_cloth_sim.contact_pairs import (
 from emd_cloth_sim.edge_contact import EdgePairs, allocate_edge_pairs
 from emd_cloth_sim.hinges import cell_hinges
 from emd_cloth_sim.mesh import IndexArray, SheetMesh, cell_diagonals
-from emd_cloth_sim.planes import Plane, empty_planes, to_plane
+from emd_cloth_sim.planes import Plane, Single, empty_planes, to_plane
 from emd_core.frames import FloatArray
 
 # Way that two patches may approach each other before their pairs are searched again, metres: a
@@ -103,8 +103,8 @@ class Constraints(NamedTuple):
     bend: Plane
     length_x: Plane
     length_y: Plane
-    leg: np.float32
-    shortest: tuple[np.float32, np.float32, np.float32]
+    leg: Single
+    shortest: tuple[Single, Single, Single]
     lattice: Lattice
 
 
@@ -149,22 +149,22 @@ class StepSettings(NamedTuple):
     their spacings, and how far apart on the flat sheet a vertex and a cell are that may collide.
     """
 
-    substep: np.float32
+    substep: Single
     substeps: int
     gravity: Singles
-    keep_speed: np.float32
-    max_speed: np.float32
-    stretch_compliance: np.float32
-    shear_compliance: np.float32
-    bending_compliance: np.float32
-    thickness: np.float32
-    edge_thickness: np.float32
-    margin: np.float32
-    sheet: tuple[int, int, np.float32, np.float32, np.float32]
-    cloth_friction: np.float32
-    desk_friction: np.float32
-    rest_height: np.float32
-    separation: np.float32
+    keep_speed: Single
+    max_speed: Single
+    stretch_compliance: Single
+    shear_compliance: Single
+    bending_compliance: Single
+    thickness: Single
+    edge_thickness: Single
+    margin: Single
+    sheet: tuple[int, int, Single, Single, Single]
+    cloth_friction: Single
+    desk_friction: Single
+    rest_height: Single
+    separation: Single
     weave: bool
     rows: bool
     rigid_grip: bool

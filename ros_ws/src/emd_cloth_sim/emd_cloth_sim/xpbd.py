@@ -26,7 +26,7 @@ from emd_cloth_sim.contact_search import PAIR_MARGIN, list_pairs, search_pair
 from emd_cloth_sim.crossings import EVERYWHERE, find_crossings, undo_crossings
 from emd_cloth_sim.edge_contact import collide_edges, forget_parted
 from emd_cloth_sim.hinges import turn_hinges
-from emd_cloth_sim.planes import FAST, load_planes, store_planes
+from emd_cloth_sim.planes import FAST, Single, load_planes, store_planes
 from emd_cloth_sim.springs import hold_damped_lengths
 from emd_cloth_sim.step_data import (
     CANDIDATES,
@@ -109,7 +109,7 @@ def integrate(state: ClothState, settings: StepSettings) -> None:
 
 @njit(**FAST)
 def update_velocity(
-    state: ClothState, substep: np.float32, max_speed: np.float32, ways: NDArray[np.float32]
+    state: ClothState, substep: Single, max_speed: Single, ways: NDArray[np.float32]
 ) -> float:
     """Take the velocity from the motion of the substep, at most `max_speed`, m/s.
 
@@ -117,22 +117,22 @@ def update_velocity(
     """
     position, previous, velocity = state.position, state.previous, state.velocity
     rate = ONE / substep
-    longest = np.float32(0.0)
+    square = np.float32(0.0)
     for v in range(position.shape[0]):
         x = position[v, 0] - previous[v, 0]
         y = position[v, 1] - previous[v, 1]
         z = position[v, 2] - previous[v, 2]
         velocity[v, 0], velocity[v, 1], velocity[v, 2] = rate * x, rate * y, rate * z
         ways[v] = x * x + y * y + z * z
-        longest = max(longest, ways[v])
-    longest = math.sqrt(longest)
+        square = max(square, ways[v])
+    longest = math.sqrt(square)
     if longest * rate > max_speed:
         _cap_speed(velocity, max_speed)
     return longest
 
 
 @njit(**FAST)
-def _cap_speed(velocity: NDArray[np.float32], max_speed: np.float32) -> None:
+def _cap_speed(velocity: NDArray[np.float32], max_speed: Single) -> None:
     for v in range(velocity.shape[0]):
         speed = math.sqrt(velocity[v, 0] ** 2 + velocity[v, 1] ** 2 + velocity[v, 2] ** 2)
         if speed > max_speed:
