@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.ndimage import maximum_filter
 
 from emd_cloth_sim.cloth import Cloth
 from emd_cloth_sim.diagnostics import ClothDiagnostics
@@ -41,6 +42,11 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("whole")
     generate(CONFIG, folder)
     return folder
+
+
+def with_neighbours(grid: np.ndarray) -> np.ndarray:
+    """Occupied voxels and all that touch them; x and y wrap."""
+    return maximum_filter(grid, size=3, mode=("wrap", "wrap", "constant"))
 
 
 class Killed(Exception):
@@ -247,8 +253,9 @@ def test_shards_hold_what_was_simulated(whole: Path) -> None:
         np.testing.assert_array_equal(sequence.grids[0], wanted.occupancy)
         for grid, points in zip(sequence.grids, sequence.upper_surface, strict=True):
             again = voxelise(fov.table_from_normalised(points)).occupancy
-            # Half precision moves a vertex by less than 0.5 mm, seldom over a voxel's side.
-            assert (grid != again).mean() < 2e-3
+            # Half precision moves a vertex by less than 0.5 mm: over one side of a voxel at most.
+            assert not (grid & ~with_neighbours(again)).any()
+            assert not (again & ~with_neighbours(grid)).any()
     assert sorted(seen) == list(range(CONFIG.sequences))
     assert sequence.surface_height == pytest.approx(0.5 * thickness / fov.half_extent)
 
