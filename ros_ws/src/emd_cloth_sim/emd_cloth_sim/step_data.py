@@ -21,7 +21,7 @@ from emd_cloth_sim.contact_pairs import (
     allocate_segments,
 )
 from emd_cloth_sim.edge_contact import EdgePairs, allocate_edge_pairs
-from emd_cloth_sim.mesh import IndexArray, SheetMesh
+from emd_cloth_sim.mesh import IndexArray, SheetMesh, feature_owners
 from emd_cloth_sim.planes import Plane, Single, empty_planes, to_plane
 
 # Way that two patches may approach each other before their pairs are searched again, metres: a
@@ -56,6 +56,7 @@ class Constraints(NamedTuple):
 
     Attributes:
         triangles: Shape (T, 3).
+        owners: What each of them owns, see `feature_owners`, shape (T,).
         vertices: Counts along x and y.
         planes: Positions while constraints are satisfied; `bend` is memory like it.
         length_x: Rest lengths along x, and `length_y` along y, at each pair's lower vertex.
@@ -64,6 +65,7 @@ class Constraints(NamedTuple):
     """
 
     triangles: IndexArray
+    owners: NDArray[np.uint8]
     vertices: tuple[int, int]
     planes: Plane
     bend: Plane
@@ -142,6 +144,7 @@ def constraints_of(mesh: SheetMesh, config: ClothConfig) -> Constraints:
     )
     return Constraints(
         triangles=mesh.triangles,
+        owners=feature_owners(mesh.triangles),
         vertices=config.vertices,
         planes=empty_planes(rows),
         bend=empty_planes(rows),

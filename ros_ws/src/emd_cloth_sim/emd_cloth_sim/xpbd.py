@@ -283,6 +283,7 @@ def _refresh_segments(
         find_contacts(
             position,
             constraints.triangles,
+            constraints.owners,
             memory.candidates,
             segments,
             m,
