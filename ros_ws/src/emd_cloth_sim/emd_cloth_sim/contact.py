@@ -48,6 +48,7 @@ def _gap(
 def find_contacts(
     position: Positions,
     triangles: IndexArray,
+    owners: NDArray[np.uint8],
     candidates: Candidates,
     segments: Segments,
     m: int,
@@ -60,7 +61,8 @@ def find_contacts(
 
     The patches have moved `so_far`. A pair in contact (its wake is -1) remembers on which side of
     the triangle its vertex was, so that a vertex that came through is pushed back; beside the
-    triangle it may change sides.
+    triangle it may change sides. A corner or side is met once, as part of the triangle that owns
+    it.
     """
     found = segments.start[m]
     vertex, triangle, side, wake = candidates
@@ -90,7 +92,9 @@ def find_contacts(
                 gap, sign = distance, ONE
                 if height < ZERO:
                     side[n] = -side[n]
-            if gap < thickness + horizon and distance > TINY:
+            part = (wa > ZERO) + 2 * (wb > ZERO) + 4 * (wc > ZERO)
+            owned = (owners[t] >> part) & 1 == 1
+            if owned and gap < thickness + horizon and distance > TINY:
                 sign /= distance
                 corners, weights, normal = contacts
                 corners[found, 0], corners[found, 1] = v, a

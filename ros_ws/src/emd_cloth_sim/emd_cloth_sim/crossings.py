@@ -7,6 +7,7 @@ each other's planes; only what is left needs the exact test.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,8 @@ EVERYWHERE = np.float32(2.0)
 ZERO = np.float32(0.0)
 # Rounds of putting back before everything is.
 ROUNDS = 20
-# Distances below this are taken as touching, not crossing: what single precision cannot tell.
+# Ends of an edge nearer to a triangle's plane only touch it, metres: single precision tells no more.
+TOUCHING = np.float32(1e-6)
 PAD = np.float32(1e-7)
 
 
@@ -111,6 +113,7 @@ def _apart(
     """Whether triangle u, but for common vertices, is on one side of triangle t's plane."""
     a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
     x, y, z = normals[t, 0], normals[t, 1], normals[t, 2]
+    least = TOUCHING * math.sqrt(x * x + y * y + z * z)
     above = below = 0
     for k in range(3):
         v = triangles[u, k]
@@ -120,8 +123,8 @@ def _apart(
             + z * (position[v, 2] - position[a, 2])
         )
         own = (v == a) | (v == b) | (v == c)
-        above += (height > 0) & (not own)
-        below += (height < 0) & (not own)
+        above += (height > least) & (not own)
+        below += (height < -least) & (not own)
     return above == 0 or below == 0
 
 
@@ -151,7 +154,12 @@ def crosses(position: Positions, p: int, q: int, a: int, b: int, c: int) -> bool
     """Whether segment p-q passes through triangle a, b, c (signed volumes of tetrahedra)."""
     if p == a or p == b or p == c or q == a or q == b or q == c:
         return False
-    if _volume(position, a, b, c, p) * _volume(position, a, b, c, q) >= 0:
+    one, other = _volume(position, a, b, c, p), _volume(position, a, b, c, q)
+    if one * other >= 0:
+        return False
+    x, y, z = _normal(position, a, b, c)
+    least = TOUCHING * math.sqrt(x * x + y * y + z * z)
+    if abs(one) < least or abs(other) < least:
         return False
     first = _volume(position, p, q, a, b)
     second = _volume(position, p, q, b, c)
@@ -160,18 +168,26 @@ def crosses(position: Positions, p: int, q: int, a: int, b: int, c: int) -> bool
 
 
 @njit(inline="always")
-def _volume(position: Positions, a: int, b: int, c: int, d: int) -> float:
+def _volume(position: Positions, a: int, b: int, c: int, d: int) -> Single:
     """Six times the signed volume of the tetrahedron a, b, c, d."""
+    x, y, z = _normal(position, a, b, c)
+    return (
+        x * (position[d, 0] - position[a, 0])
+        + y * (position[d, 1] - position[a, 1])
+        + z * (position[d, 2] - position[a, 2])
+    )
+
+
+@njit(inline="always")
+def _normal(position: Positions, a: int, b: int, c: int) -> tuple[Single, Single, Single]:
+    """Normal of triangle a, b, c, as long as twice its area."""
     u0 = position[b, 0] - position[a, 0]
     u1 = position[b, 1] - position[a, 1]
     u2 = position[b, 2] - position[a, 2]
     v0 = position[c, 0] - position[a, 0]
     v1 = position[c, 1] - position[a, 1]
     v2 = position[c, 2] - position[a, 2]
-    w0 = position[d, 0] - position[a, 0]
-    w1 = position[d, 1] - position[a, 1]
-    w2 = position[d, 2] - position[a, 2]
-    return (u1 * v2 - u2 * v1) * w0 + (u2 * v0 - u0 * v2) * w1 + (u0 * v1 - u1 * v0) * w2
+    return u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
 
 
 @njit(**FAST)

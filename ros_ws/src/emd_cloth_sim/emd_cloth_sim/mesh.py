@@ -90,6 +90,22 @@ def cell_diagonals(mesh: SheetMesh) -> tuple[IndexArray, FloatArray]:
     return mesh.spans[first:], mesh.span_lengths[first:]
 
 
+def feature_owners(triangles: IndexArray) -> NDArray[np.uint8]:
+    """Let one of the triangles around every vertex and edge own it; shape (T,).
+
+    A part of a triangle is named by its corners' bits: 1, 2, 4 for the corners, 3, 5, 6 for the
+    sides, 7 for the inside. Bit n of the result says whether the triangle owns part n.
+    """
+    owners = np.full(len(triangles), 1 << 7, dtype=np.uint8)
+    first: dict[tuple[int, ...], int] = {}
+    for part in ((0,), (1,), (2,), (0, 1), (0, 2), (1, 2)):
+        name = sum(1 << corner for corner in part)
+        for triangle, key in enumerate(np.sort(triangles[:, part], axis=1).tolist()):
+            if first.setdefault(tuple(key), triangle) == triangle:
+                owners[triangle] |= 1 << name
+    return owners
+
+
 def _edges_along_x(index: IndexArray) -> IndexArray:
     pairs = np.stack([index[:-1], index[1:]], axis=-1)
     return np.concatenate([pairs[colour::2].reshape(-1, 2) for colour in range(2)])

@@ -22,7 +22,7 @@ from emd_cloth_sim.contact_pairs import (
 )
 from emd_cloth_sim.edge_contact import EdgePairs, allocate_edge_pairs
 from emd_cloth_sim.hinges import cell_hinges
-from emd_cloth_sim.mesh import IndexArray, SheetMesh, cell_diagonals
+from emd_cloth_sim.mesh import IndexArray, SheetMesh, cell_diagonals, feature_owners
 from emd_cloth_sim.planes import Plane, Single, empty_planes, to_plane
 from emd_core.frames import FloatArray
 
@@ -89,6 +89,7 @@ class Constraints(NamedTuple):
 
     Attributes:
         triangles: Shape (T, 3).
+        owners: What each of them owns, see `feature_owners`, shape (T,).
         vertices: Counts along x and y.
         planes: Positions while constraints are satisfied; `bend` is memory like it.
         length_x: Rest lengths along x, and `length_y` along y, at each pair's lower vertex.
@@ -98,6 +99,7 @@ class Constraints(NamedTuple):
     """
 
     triangles: IndexArray
+    owners: NDArray[np.uint8]
     vertices: tuple[int, int]
     planes: Plane
     bend: Plane
@@ -189,6 +191,7 @@ def constraints_of(mesh: SheetMesh, config: ClothConfig) -> Constraints:
     )
     return Constraints(
         triangles=mesh.triangles,
+        owners=feature_owners(mesh.triangles),
         vertices=config.vertices,
         planes=empty_planes(rows),
         bend=empty_planes(rows),

@@ -356,6 +356,7 @@ def _refresh_segments(
         find_contacts(
             position,
             constraints.triangles,
+            constraints.owners,
             memory.candidates,
             segments,
             m,
