@@ -211,8 +211,8 @@ def resist_bending(
 ) -> None:
     """Pull three vertices in a row towards a straight line (quadratic bending energy).
 
-    `bend` is working memory as long as `planes`, zero where there is no vertex. The compliances are
-    those of rows along x and along y.
+    `bend` is working memory as long as `planes`, zero where there is no vertex. The compliances
+    are those of rows along x and along y.
     """
     factor = ONE / (STIFFEST_BEND + compliance[0])
     for i in range(rows - 2):

@@ -147,9 +147,9 @@ class ContactMemory(NamedTuple):
 class StepSettings(NamedTuple):
     """Numbers of a step: SI units; compliances times vertex mass over squared substep.
 
-    With `weave` the membrane is the weave's, whose stretching and bending have a compliance along x
-    and one along y, else that of the damped springs; with `rows` three vertices in a row seek a
-    straight line. `sheet` holds the counts of vertices along x and y, their spacings, and how far
+    With `weave` the membrane is the weave's, else that of the damped springs; with `rows` three
+    vertices in a row seek a straight line. Stretching and bending have a compliance along x and
+    one along y. `sheet` holds the counts of vertices along x and y, their spacings, and how far
     apart on the flat sheet a vertex and a cell are that may collide.
     """
 
