@@ -22,6 +22,7 @@ from emd_cloth_sim.data_statistics import DataStatistics, inspect_data
 from emd_cloth_sim.generate import GenerationProgress, Runner, generate
 from emd_cloth_sim.generation_config import GenerationConfig
 from emd_cloth_sim.ray_workers import RayRunner
+from emd_cloth_sim.warm_up import prepare_kernels
 from emd_cloth_sim.workers import ProcessRunner, run_here
 from emd_core.errors import InvalidInputError
 from emd_core.whole_file import write_text
@@ -61,6 +62,8 @@ def run_generate(
         TextColumn("remaining"),
         TimeRemainingColumn(elapsed_when_finished=False),
     )
+    with console.status("compiling the cloth's kernels (once)"):
+        prepare_kernels()
     begun = last_line = time.monotonic()
     # A speed estimate over an hour, as single sequences differ a lot.
     with Progress(*columns, console=console, speed_estimate_period=3600.0) as bar:

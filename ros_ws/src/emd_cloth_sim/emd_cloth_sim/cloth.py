@@ -46,7 +46,11 @@ class Cloth:
         self._position = flat.astype(np.float32)
         self._velocity = np.zeros_like(self._position)
         self._state = ClothState(
-            self._position, self._position.copy(), self._velocity, self._position.copy()
+            self._position,
+            self._position.copy(),
+            self._position.copy(),
+            self._velocity,
+            self._position.copy(),
         )
         self._constraints = constraints_of(self.mesh, self.config)
         self._memory = contact_memory(self.config)

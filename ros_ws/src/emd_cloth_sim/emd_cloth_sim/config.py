@@ -140,9 +140,9 @@ class ClothConfig:
                 f"substeps and spring_sweeps must be at least 1, got {self.substeps} and "
                 f"{self.spring_sweeps}"
             )
-        if self.thickness > 0.1 * min(self.side_lengths):
+        if self.thickness > 0.25 * min(self.side_lengths):
             raise InvalidInputError(
-                f"thickness {self.thickness} m must be at most a tenth of the shorter side of "
+                f"thickness {self.thickness} m must be at most a quarter of the shorter side of "
                 f"{self.side_lengths} m"
             )
         if max(self.vertices) > MAX_VERTICES:

@@ -30,10 +30,13 @@ def hold_lengths(
     length_y: Plane,
     rows: int,
     columns: int,
-    compliance: Single,
+    compliance: tuple[Single, Single],
 ) -> None:
-    """Pull neighbours to their rest lengths, which are listed at the lower vertex of each pair."""
-    factor = ONE / (TWO + compliance)
+    """Pull neighbours to their rest lengths, which are listed at the lower vertex of each pair.
+
+    The compliances are those of the edges along x and along y.
+    """
+    factor = ONE / (TWO + compliance[0])
     even, odd = (columns + 1) // 2, columns // 2
     for colour in range(2):
         for q in range((rows - colour) // 2):
@@ -41,6 +44,7 @@ def hold_lengths(
             row, at = i * ROW, i * PITCH
             _pull_run(planes, row, row + ROW, length_x, at, even, factor)
             _pull_run(planes, row + HALF, row + ROW + HALF, length_x, at + HALF, odd, factor)
+    factor = ONE / (TWO + compliance[1])
     for i in range(rows):
         row, at = i * ROW, i * PITCH
         _pull_run(planes, row, row + HALF, length_y, at, odd, factor)
@@ -160,79 +164,57 @@ def limit_sharpness(
     for i in range(rows):
         row = i * ROW
         if i + 2 < rows:
-            _keep_apart(planes, row, row + 2 * ROW, even, shortest_x, False)
-            _keep_apart(planes, row + HALF, row + 2 * ROW + HALF, odd, shortest_x, False)
-        _keep_apart(planes, row, row + 1, even - 1, shortest_y, True)
-        _keep_apart(planes, row + HALF, row + HALF + 1, odd - 1, shortest_y, True)
+            _keep_apart(planes, row, row + 2 * ROW, even, shortest_x)
+            _keep_apart(planes, row + HALF, row + 2 * ROW + HALF, odd, shortest_x)
+        _keep_apart(planes, row, row + 1, even - 1, shortest_y)
+        _keep_apart(planes, row + HALF, row + HALF + 1, odd - 1, shortest_y)
         if i + 1 < rows:
-            _keep_apart(planes, row, row + ROW + HALF, odd, shortest_diagonal, False)
-            _keep_apart(planes, row + HALF, row + ROW, odd, shortest_diagonal, False)
-            _keep_apart(planes, row + HALF, row + ROW + 1, even - 1, shortest_diagonal, False)
-            _keep_apart(planes, row + 1, row + ROW + HALF, even - 1, shortest_diagonal, False)
+            _keep_apart(planes, row, row + ROW + HALF, odd, shortest_diagonal)
+            _keep_apart(planes, row + HALF, row + ROW, odd, shortest_diagonal)
+            _keep_apart(planes, row + HALF, row + ROW + 1, even - 1, shortest_diagonal)
+            _keep_apart(planes, row + 1, row + ROW + HALF, even - 1, shortest_diagonal)
 
 
-@njit(inline="always")
-def _keep_apart(
-    planes: Plane, first: int, second: int, count: int, shortest: Single, chained: bool
-) -> None:
-    """Push `count` pairs; most are far apart, so whole tiles of them are passed over.
-
-    `chained` pairs share vertices with the next ones and are pushed in turn.
-    """
+@njit(**FAST)
+def _keep_apart(planes: Plane, first: int, second: int, count: int, shortest: Single) -> None:
+    """Push `count` pairs in turn; most are far apart, so whole tiles of them are passed over."""
     limit = shortest * shortest
     for tile in range((count + LANES - 1) // LANES):
         start = tile * LANES
+        one, other = planes[first + start :], planes[second + start :]
         near = 0
-        for lane in range(LANES):
-            m = start + lane
-            near += (_square_gap(planes, first + m, second + m) < limit) & (m < count)
+        for lane in range(min(LANES, count - start)):
+            near += _square_gap(one, other, lane) < limit
         if near == 0:
             continue
-        if not chained:
-            for lane in range(LANES):
-                m = start + lane
-                a, b = first + m, second + m
-                x = planes[b] - planes[a]
-                y = planes[b + PITCH] - planes[a + PITCH]
-                z = planes[b + 2 * PITCH] - planes[a + 2 * PITCH]
-                square = x * x + y * y + z * z
-                push = HALF_SHARE * (shortest / math.sqrt(square + TINY) - ONE)
-                push = push if (square < limit) & (m < count) else ZERO
-                planes[a] -= push * x
-                planes[a + PITCH] -= push * y
-                planes[a + 2 * PITCH] -= push * z
-                planes[b] += push * x
-                planes[b + PITCH] += push * y
-                planes[b + 2 * PITCH] += push * z
-            continue
-        for m in range(start, min(start + LANES, count)):
-            a, b = first + m, second + m
-            square = _square_gap(planes, a, b)
+        for lane in range(min(LANES, count - start)):
+            square = _square_gap(one, other, lane)
             if square < limit:
                 push = HALF_SHARE * (shortest / math.sqrt(square + TINY) - ONE)
-                for k in range(3):
-                    way = push * (planes[b + k * PITCH] - planes[a + k * PITCH])
-                    planes[a + k * PITCH] -= way
-                    planes[b + k * PITCH] += way
+                for k in range(0, ROW, PITCH):
+                    way = push * (other[lane + k] - one[lane + k])
+                    one[lane + k] -= way
+                    other[lane + k] += way
 
 
 @njit(inline="always")
-def _square_gap(planes: Plane, a: int, b: int) -> Single:
-    x = planes[b] - planes[a]
-    y = planes[b + PITCH] - planes[a + PITCH]
-    z = planes[b + 2 * PITCH] - planes[a + 2 * PITCH]
+def _square_gap(one: Plane, other: Plane, m: int) -> Single:
+    x = other[m] - one[m]
+    y = other[m + PITCH] - one[m + PITCH]
+    z = other[m + 2 * PITCH] - one[m + 2 * PITCH]
     return x * x + y * y + z * z
 
 
 @njit(**FAST)
 def resist_bending(
-    planes: Plane, bend: Plane, rows: int, columns: int, compliance: Single
+    planes: Plane, bend: Plane, rows: int, columns: int, compliance: tuple[Single, Single]
 ) -> None:
     """Pull three vertices in a row towards a straight line (quadratic bending energy).
 
-    `bend` is working memory as long as `planes`, zero where there is no vertex.
+    `bend` is working memory as long as `planes`, zero where there is no vertex. The compliances
+    are those of rows along x and along y.
     """
-    factor = ONE / (STIFFEST_BEND + compliance)
+    factor = ONE / (STIFFEST_BEND + compliance[0])
     for i in range(rows - 2):
         for n in range(ROW):
             m = i * ROW + n
@@ -243,6 +225,7 @@ def resist_bending(
             planes[m] -= bend[m]
             planes[m + ROW] += TWO * bend[m]
             planes[m + 2 * ROW] -= bend[m]
+    factor = ONE / (STIFFEST_BEND + compliance[1])
     for r in range(3 * rows):
         _bend_run(planes, bend, r * PITCH, columns, factor)
 

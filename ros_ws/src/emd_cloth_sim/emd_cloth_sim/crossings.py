@@ -35,8 +35,8 @@ EVERYWHERE = np.float32(2.0)
 ZERO = np.float32(0.0)
 # Rounds of putting back before everything is.
 ROUNDS = 20
-# Ends of an edge nearer to a triangle's plane only touch it, metres; single precision tells no
-# more.
+# Ends of an edge nearer to a triangle's plane only touch it, metres: that is what single precision
+# can tell.
 TOUCHING = np.float32(1e-6)
 PAD = np.float32(1e-7)
 

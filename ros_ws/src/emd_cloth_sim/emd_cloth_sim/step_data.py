@@ -48,13 +48,14 @@ Singles = NDArray[np.float32]
 
 
 class ClothState(NamedTuple):
-    """Vertices now, at the start of the substep, and when last seen without crossings.
+    """Vertices now, at the start of the substep, as they would fly freely, and when last clean.
 
-    All (V, 3): positions in metres, velocity in m/s.
+    All (V, 3): positions in metres, velocity in m/s; `safe` is the last state without crossings.
     """
 
     position: Singles
     previous: Singles
+    predicted: Singles
     velocity: Singles
     safe: Singles
 
@@ -147,8 +148,9 @@ class StepSettings(NamedTuple):
     """Numbers of a step: SI units; compliances times vertex mass over squared substep.
 
     With `weave` the membrane is the weave's, else that of the damped springs; with `rows` three
-    vertices in a row seek a straight line. `sheet` holds the counts of vertices along x and y,
-    their spacings, and how far apart on the flat sheet a vertex and a cell are that may collide.
+    vertices in a row seek a straight line. Stretching and bending have a compliance along x and
+    one along y. `sheet` holds the counts of vertices along x and y, their spacings, and how far
+    apart on the flat sheet a vertex and a cell are that may collide.
     """
 
     substep: Single
@@ -156,9 +158,9 @@ class StepSettings(NamedTuple):
     gravity: Singles
     keep_speed: Single
     max_speed: Single
-    stretch_compliance: Single
+    stretch_compliance: tuple[Single, Single]
     shear_compliance: Single
-    bending_compliance: Single
+    bending_compliance: tuple[Single, Single]
     thickness: Single
     edge_thickness: Single
     margin: Single
@@ -171,6 +173,7 @@ class StepSettings(NamedTuple):
     rows: bool
     rigid_grip: bool
     repair_crossings: bool
+    spring_compliance: float
     squeeze_compliance: float
     internal_damping: float
     spring_sweeps: int
@@ -255,8 +258,11 @@ def contact_memory(config: ClothConfig, growth: int = 1) -> ContactMemory:
 def step_settings(config: ClothConfig, substep: float) -> StepSettings:
     """Work out the numbers of a step from the config and the substep in seconds."""
     scale = config.vertex_mass / substep**2
+    # An edge stands for a strip one spacing wide, three vertices in a row for one cell's bending.
+    aspect = config.spacing[0] / config.spacing[1]
+    stretch = config.stretch_compliance * scale
     area = config.spacing[0] * config.spacing[1]
-    bending = area / config.bending_rigidity if config.bending_rigidity > 0 else math.inf
+    bending = area * scale / max(config.bending_rigidity, 1e-30)
     single, weave = np.float32, config.membrane == "weave"
     return StepSettings(
         substep=single(substep),
@@ -264,10 +270,10 @@ def step_settings(config: ClothConfig, substep: float) -> StepSettings:
         gravity=np.array(config.gravity, dtype=np.float32),
         keep_speed=single(math.exp(-config.damping * substep)),
         max_speed=single(config.max_speed),
-        stretch_compliance=single(config.stretch_compliance * scale),
+        stretch_compliance=(single(stretch * aspect), single(stretch / aspect)),
         # A triangle of a weave stores half of the shear energy of its cell.
         shear_compliance=single((2.0 if weave else 1.0) * config.shear_compliance * scale),
-        bending_compliance=single(min(bending * scale, UNBOUNDED)),
+        bending_compliance=(single(bending * aspect**2), single(bending / aspect**2)),
         thickness=single(config.thickness),
         edge_thickness=single(EDGE_THICKNESS * config.thickness),
         margin=single(CONTACT_MARGIN),
@@ -287,7 +293,8 @@ def step_settings(config: ClothConfig, substep: float) -> StepSettings:
         rows=config.bending == "rows",
         rigid_grip=config.rigid_grip,
         repair_crossings=config.repair_crossings,
-        squeeze_compliance=config.squeeze_ratio * config.stretch_compliance * scale,
+        spring_compliance=stretch,
+        squeeze_compliance=config.squeeze_ratio * stretch,
         internal_damping=config.internal_damping / substep,
         spring_sweeps=config.spring_sweeps,
         hinge_stiffness=config.bending_rigidity / config.vertex_mass,

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 
 from emd_cloth_sim.cloth import Cloth
@@ -25,3 +28,13 @@ def compile_kernels() -> None:
     cloth.release(0)
     cloth.advance(1.0 / 60.0)
     cloth.check()
+
+
+def prepare_kernels() -> None:
+    """Compile the solver in a process of its own, so that this one loads what every other loads.
+
+    What a process compiles itself may differ in the last bit from what it would have loaded, as
+    its linker sees the kernels in another order; results must not depend on who came first.
+    """
+    script = f"from {__name__} import compile_kernels; compile_kernels()"
+    subprocess.run([sys.executable, "-c", script], check=True)

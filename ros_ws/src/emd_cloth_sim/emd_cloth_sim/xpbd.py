@@ -90,39 +90,42 @@ def advance_step(
 def integrate(state: ClothState, settings: StepSettings) -> None:
     """Advance the vertices freely, with damping."""
     position, previous, velocity = state.position, state.previous, state.velocity
+    predicted = state.predicted
     keep, substep = settings.keep_speed, settings.substep
-    x, y, z = (
+    fall = (
         keep * substep * settings.gravity[0],
         keep * substep * settings.gravity[1],
         keep * substep * settings.gravity[2],
     )
     for v in range(position.shape[0]):
-        previous[v, 0], previous[v, 1], previous[v, 2] = (
-            position[v, 0],
-            position[v, 1],
-            position[v, 2],
-        )
-        position[v, 0] += substep * (keep * velocity[v, 0] + x)
-        position[v, 1] += substep * (keep * velocity[v, 1] + y)
-        position[v, 2] += substep * (keep * velocity[v, 2] + z)
+        for k in range(3):
+            speed = keep * velocity[v, k] + fall[k]
+            velocity[v, k] = speed
+            previous[v, k] = position[v, k]
+            position[v, k] += substep * speed
+            predicted[v, k] = position[v, k]
 
 
 @njit(**FAST)
 def update_velocity(
     state: ClothState, substep: Single, max_speed: Single, ways: NDArray[np.float32]
 ) -> float:
-    """Take the velocity from the motion of the substep, at most `max_speed`, m/s.
+    """Add to the velocity what constraints and contacts did, up to `max_speed`, m/s.
 
-    Notes the square of each vertex' way in `ways`, and returns the longest way, metres.
+    Compared with taking it from the whole motion of the substep, this does not lose the digits by
+    which a position is longer than its change. Notes the square of each vertex' way in `ways`, and
+    returns the longest way, metres.
     """
     position, previous, velocity = state.position, state.previous, state.velocity
+    predicted = state.predicted
     rate = ONE / substep
     square = np.float32(0.0)
     for v in range(position.shape[0]):
         x = position[v, 0] - previous[v, 0]
         y = position[v, 1] - previous[v, 1]
         z = position[v, 2] - previous[v, 2]
-        velocity[v, 0], velocity[v, 1], velocity[v, 2] = rate * x, rate * y, rate * z
+        for k in range(3):
+            velocity[v, k] += rate * (position[v, k] - predicted[v, k])
         ways[v] = x * x + y * y + z * z
         square = max(square, ways[v])
     longest = math.sqrt(square)
@@ -213,7 +216,7 @@ def _hold_springs(state: ClothState, lattice: Lattice, settings: StepSettings) -
             lattice.edges,
             lattice.edge_lengths,
             multipliers[:sides],
-            settings.stretch_compliance,
+            settings.spring_compliance,
             settings.squeeze_compliance,
             settings.internal_damping,
         )

@@ -60,6 +60,7 @@ class ReplayClient(Node):
             "info": self.create_publisher(CameraInfo, "camera/color/camera_info", 5),
             "pose": self.create_publisher(PoseStamped, "camera/pose", LATCHED),
         }
+        self._known: dict[str, BagMessage] = {}
         self._grids: dict[int, VoxelGrid] = {}
         self._verdicts: dict[int, dict[str, str]] = {}
         sensor = qos_profile_sensor_data
@@ -81,9 +82,15 @@ class ReplayClient(Node):
             if time.monotonic() > deadline:
                 raise DeadlineError(f"the perception node did not appear within {timeout:.0f} s")
             self._spinner.spin_once(timeout_sec=0.05)
+        # That side may know of its readers a little later than this one knows of them.
+        settled = time.monotonic() + 1.0
+        while time.monotonic() < settled:
+            self._spinner.spin_once(timeout_sec=0.05)
 
     def publish(self, message: BagMessage) -> None:
-        """Send a message as it was recorded."""
+        """Send a message as it was recorded; calibration and pose again with every pair."""
+        if message.kind in ("info", "pose"):
+            self._known[message.kind] = message
         self._publishers_by_kind[message.kind].publish(bytes(message.data))
 
     def play_pair(
@@ -100,6 +107,8 @@ class ReplayClient(Node):
             if time.monotonic() > deadline:
                 raise DeadlineError(f"perception did not answer within {timeout:.0f} s")
             if time.monotonic() > resend:  # images are sent best effort
+                for known in list(self._known.values()):
+                    self.publish(known)
                 self.publish(color)
                 self.publish(depth)
                 resend = time.monotonic() + 5.0
