@@ -7,5 +7,5 @@ from emd_cloth_sim.warm_up import prepare_kernels
 
 @pytest.fixture(scope="session", autouse=True)
 def kernels() -> None:
-    """Every test process loads the same compiled cloth, so that results are the same to the bit."""
+    """Every process loads the same compiled cloth, so that results agree to the bit."""
     prepare_kernels()
