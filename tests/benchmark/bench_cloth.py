@@ -6,13 +6,14 @@ MuJoCo takes minutes; `EMD_BENCH_SPAN` (seconds) shortens the fold in both. Rand
 by the rule of the authors' generator then run on all cores.
 """
 
+import json
 import math
-import multiprocessing
 import os
+import subprocess
+import sys
 import time
 from dataclasses import replace
 
-import numba
 import numpy as np
 
 from emd_cell.bench import BenchmarkResult
@@ -45,7 +46,7 @@ def run() -> BenchmarkResult:
         "simulated_seconds": span,
         "whole_fold": span >= SPAN,
         "mujoco": {"solver": "CG", "timestep": MUJOCO_STEP, "version": theirs.pop("version")},
-        "sequences": SEQUENCES_A_CORE * multiprocessing.cpu_count(),
+        "sequences": SEQUENCES_A_CORE * manipulations["cores"],
         "steps": STEPS,
     }
     summary = {
@@ -175,15 +176,16 @@ def _flex(mesh: int) -> str:
 
 
 def _manipulations() -> dict:
-    """Random sequences at 81 x 81 on all cores."""
-    cores = multiprocessing.cpu_count()
-    seeds = range(SEQUENCES_A_CORE * cores)
-    with multiprocessing.get_context("spawn").Pool(cores, _start) as pool:
-        pool.map(_warm, range(cores), chunksize=1)
-        start = time.perf_counter()
-        results = pool.map(_sequence, seeds, chunksize=1)
-        wall = time.perf_counter() - start
-    steps = [step for sequence in results for step in sequence]
+    """Random sequences at 81 x 81, a process for each core that starts when compiled."""
+    cores = len(os.sched_getaffinity(0))
+    seeds = [str(seed) for seed in range(SEQUENCES_A_CORE * cores)]
+    workers = [
+        subprocess.Popen([sys.executable, __file__, *seeds[core::cores]], stdout=subprocess.PIPE)
+        for core in range(cores)
+    ]
+    results = [json.loads(worker.communicate()[0]) for worker in workers]
+    steps = [step for result in results for step in result["steps"]]
+    wall = max(result["wall_s"] for result in results)
     return {
         "engine": "emd_cloth_sim",
         "mesh": MESH,
@@ -197,12 +199,12 @@ def _manipulations() -> dict:
     }
 
 
-def _start() -> None:
-    numba.set_num_threads(1)
-
-
-def _warm(_: int) -> None:
+def _work(seeds: list[int]) -> dict:
+    """Simulate sequences one after the other."""
     compile_kernels()
+    start = time.perf_counter()
+    steps = [step for seed in seeds for step in _sequence(seed)]
+    return {"wall_s": time.perf_counter() - start, "steps": steps}
 
 
 def _sequence(seed: int) -> list[dict]:
@@ -220,3 +222,7 @@ def _sequence(seed: int) -> list[dict]:
             }
         )
     return steps
+
+
+if __name__ == "__main__":
+    print(json.dumps(_work([int(seed) for seed in sys.argv[1:]])))
