@@ -16,7 +16,7 @@ from emd_core.errors import InvalidInputError
         {"damping": float("nan")},
         {"gravity": (0.0, 0.0, float("inf"))},
         {"substeps": 0},
-        {"thickness": 0.15},
+        {"thickness": 0.2},
         {"vertices": (41, 200)},
         {"max_speed": 20.0},
     ],

@@ -148,9 +148,7 @@ def test_no_close_pair_is_missed(seed: int) -> None:
             segments,
             used,
         )
-    listed = set(
-        zip(candidates.vertex[:used].tolist(), candidates.triangle[:used].tolist(), strict=True)
-    )
+    listed = {(int(candidates.vertex[n]), int(candidates.triangle[n])) for n in range(used)}
     weights = np.random.default_rng(0).dirichlet([0.5, 0.5, 0.5], 200)
     grid = np.stack(np.divmod(np.arange(len(positions)), VERTICES[1]), -1) * SPACING
     close = 0

@@ -114,7 +114,8 @@ def test_momentum_is_kept_without_contact() -> None:
         cloth.advance(config.step)
         now, velocity = cloth.positions_in_table, cloth.velocities
         peak = max(peak, np.linalg.norm(velocity, axis=1).mean())
-        np.testing.assert_allclose(now.mean(axis=0), centre, atol=5e-6)
+        # Single precision: a hundredth of what the vertices travel meanwhile.
+        np.testing.assert_allclose(now.mean(axis=0), centre, atol=4e-5)
         assert np.linalg.norm(velocity.mean(axis=0)) < 3e-3 * peak
         turning = np.cross(now - centre, velocity).mean(axis=0)
         assert np.linalg.norm(turning) < 3e-3 * peak * 0.2
