@@ -20,7 +20,7 @@ from emd_cell.bench import BenchmarkResult
 from emd_cloth_sim.cloth import Cloth
 from emd_cloth_sim.manipulate import manipulate
 from emd_cloth_sim.presets import preset
-from emd_cloth_sim.random_manipulation import random_manipulation
+from emd_cloth_sim.random_manipulation import ManipulationRule
 from emd_cloth_sim.warm_up import compile_kernels
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FieldOfView
@@ -211,7 +211,7 @@ def _sequence(seed: int) -> list[dict]:
     chosen = preset("towel", (MESH, MESH))
     cloth, rng, steps = Cloth(chosen.cloth), np.random.default_rng(seed), []
     for _ in range(STEPS):
-        manipulation = random_manipulation(cloth, "any", FieldOfView(), rng)
+        manipulation = ManipulationRule("any").draw(cloth, FieldOfView(), rng)
         start = time.process_time()
         result = manipulate(cloth, manipulation, chosen.path).diagnostics
         steps.append(
