@@ -12,6 +12,7 @@ from emd_arm_executor.executor import MotionExecutor
 from emd_arm_executor.mock_robot import MockRobot
 from emd_arm_executor.motion_plan import MotionPlan, PhaseName
 from emd_arm_executor.motion_planner import MotionPlanner
+from emd_arm_executor.robot_interface import JointReading
 from emd_arm_executor.robot_model import RobotModel
 from emd_core.errors import CancelledError, CellError, GraspFailedError, TrackingError
 
@@ -161,11 +162,11 @@ def test_wrong_start_is_noticed(half_fold: MotionPlan, mock: MockRobot, robot: R
 class _Slipping(MockRobot):
     """Loses its right elbow a little at a time once the carrying has begun."""
 
-    def joint_positions(self):
-        measured = dict(super().joint_positions())
+    def read_joints(self) -> JointReading:
+        measured = dict(super().read_joints().positions)
         if self.time > 6.0:
             measured["RARM_JOINT2"] += 0.2 * (self.time - 6.0)
-        return measured
+        return JointReading(self.time, measured)
 
 
 def test_lost_joint_is_noticed_and_held(half_fold: MotionPlan, robot: RobotModel) -> None:
@@ -175,6 +176,13 @@ def test_lost_joint_is_noticed_and_held(half_fold: MotionPlan, robot: RobotModel
         MotionExecutor(slipping, robot).run(half_fold)
     assert slipping.now() < 6.0 + 0.1 / 0.2 + 2 * robot.config.execution.monitor_period
     assert slipping._active == {}
+
+
+def test_late_news_are_no_deviation(half_fold: MotionPlan, robot: RobotModel) -> None:
+    """Positions that arrive late are compared with where the arms should have been then."""
+    late = MockRobot(dict(robot.description.rest), reading_age=0.2)
+    late.time = 1.0
+    MotionExecutor(late, robot).run(half_fold)
 
 
 def test_end_that_is_not_reached_is_noticed(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -143,9 +143,11 @@ class MotionExecutor:
         )
         return np.array([speeds[name] for name in names])
 
-    def _deviation(self, trajectory: JointTrajectory, time: float) -> tuple[float, str]:
+    @staticmethod
+    def _deviation(
+        trajectory: JointTrajectory, time: float, measured: Mapping[str, float]
+    ) -> tuple[float, str]:
         """Give the largest deviation from a trajectory, radians, and the joint that has it."""
-        measured = self.robot.joint_positions()
         wanted = trajectory.sample(time)
         gaps = {
             name: abs(measured[name] - value)
@@ -155,7 +157,7 @@ class MotionExecutor:
         return float(gaps[worst]), worst
 
     def _check_start(self, name: PhaseName, trajectory: JointTrajectory) -> None:
-        gap, joint = self._deviation(trajectory, 0.0)
+        gap, joint = self._deviation(trajectory, 0.0, self.robot.joint_positions())
         if gap > self.config.execution.tracking_tolerance:
             raise TrackingError(
                 f"'{name}' should begin within {self.config.execution.tracking_tolerance:.2f} rad "
@@ -165,7 +167,9 @@ class MotionExecutor:
     def _check_tracking(
         self, name: PhaseName, segment: TimedPath, trajectory: JointTrajectory, start: float
     ) -> None:
-        gap, joint = self._deviation(trajectory, self.robot.now() - start)
+        # Where the arms should have been when they were measured: the news may be late.
+        reading = self.robot.read_joints()
+        gap, joint = self._deviation(trajectory, reading.time - start, reading.positions)
         if gap > self.config.execution.tracking_tolerance:
             self.robot.hold()
             raise TrackingError(
@@ -178,12 +182,16 @@ class MotionExecutor:
         """Wait until the arms have reached the end, no longer than the settling time."""
         tolerance = self.config.execution.end_tolerance
         deadline = self.robot.now() + self.config.execution.settle_time
-        while (gap := self._deviation(trajectory, trajectory.duration))[0] > tolerance:
+        while True:
+            positions = self.robot.joint_positions()
+            gap, joint = self._deviation(trajectory, trajectory.duration, positions)
+            if gap <= tolerance:
+                return
             now = self.robot.now()
             if now >= deadline:
                 raise TrackingError(
-                    f"'{name}' should end within {tolerance:.3f} rad, {gap[1]} is "
-                    f"{gap[0]:.3f} rad off after {self.config.execution.settle_time} s"
+                    f"'{name}' should end within {tolerance:.3f} rad, {joint} is "
+                    f"{gap:.3f} rad off after {self.config.execution.settle_time} s"
                 )
             self.robot.wait_until(min(deadline, now + self.config.execution.monitor_period / 5))
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from emd_arm_executor.joint_trajectory import JointTrajectory
-from emd_arm_executor.robot_interface import RobotInterface
+from emd_arm_executor.robot_interface import JointReading, RobotInterface
 
 
 @dataclass(frozen=True)
@@ -33,6 +32,7 @@ class MockRobot(RobotInterface):
         holding_width: Opening at which closing jaws stop, as if cloth were between them, metres.
         tracking_offset: Added to the position of every joint that is asked for, radians; lets a
             test pretend that the robot does not follow.
+        reading_age: How old the positions are that it gives, as over a slow network, seconds.
         time: The clock, seconds.
         sent: Every trajectory that came, in its order.
         gripper_commands: Every (time, arm, width) that came, in its order.
@@ -41,6 +41,7 @@ class MockRobot(RobotInterface):
     positions: dict[str, float]
     holding_width: float = 0.002
     tracking_offset: float = 0.0
+    reading_age: float = 0.0
     time: float = 0.0
     sent: list[SentTrajectory] = field(default_factory=list)
     gripper_commands: list[tuple[float, str, float]] = field(default_factory=list)
@@ -55,16 +56,18 @@ class MockRobot(RobotInterface):
         """Set the clock forward."""
         self.time = max(self.time, time)
 
-    def joint_positions(self) -> Mapping[str, float]:
-        """Sample all active trajectories at the clock's time, radians."""
+    def read_joints(self) -> JointReading:
+        """Sample all active trajectories at the time of the reading, radians."""
+        time = self.time - self.reading_age
         for sent in self._active.values():
-            values = sent.trajectory.sample(self.time - sent.start_time)
+            values = sent.trajectory.sample(time - sent.start_time)
             self.positions.update(zip(sent.trajectory.joint_names, values.tolist(), strict=True))
-        return {name: value + self.tracking_offset for name, value in self.positions.items()}
+        offset = self.tracking_offset
+        return JointReading(time, {name: x + offset for name, x in self.positions.items()})
 
     def send_trajectory(self, group: str, trajectory: JointTrajectory, start_time: float) -> None:
         """Follow a trajectory from its start time on."""
-        self.joint_positions()
+        self.read_joints()
         sent = SentTrajectory(group, trajectory, start_time)
         self._active[group] = sent
         self.sent.append(sent)
@@ -80,5 +83,5 @@ class MockRobot(RobotInterface):
 
     def hold(self) -> None:
         """Freeze all joints at their present positions."""
-        self.joint_positions()
+        self.read_joints()
         self._active.clear()

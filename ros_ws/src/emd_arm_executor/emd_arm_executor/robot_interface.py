@@ -4,8 +4,22 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 from emd_arm_executor.joint_trajectory import JointTrajectory
+
+
+@dataclass(frozen=True)
+class JointReading:
+    """What the encoders said.
+
+    Attributes:
+        time: When they were read, seconds of the robot's time.
+        positions: Position of every joint, radians.
+    """
+
+    time: float
+    positions: Mapping[str, float]
 
 
 class RobotInterface(ABC):
@@ -20,8 +34,12 @@ class RobotInterface(ABC):
         """Return when the robot's time has reached `time`, seconds; at once if it has passed."""
 
     @abstractmethod
+    def read_joints(self) -> JointReading:
+        """Give the latest measured position of every joint and when it was measured."""
+
     def joint_positions(self) -> Mapping[str, float]:
-        """Give the measured position of every joint, radians."""
+        """Give the latest measured position of every joint, radians."""
+        return self.read_joints().positions
 
     @abstractmethod
     def send_trajectory(self, group: str, trajectory: JointTrajectory, start_time: float) -> None:

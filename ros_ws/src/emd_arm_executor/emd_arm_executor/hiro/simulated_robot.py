@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from emd_arm_executor.hiro.cell_simulation import CellSimulation
 from emd_arm_executor.hiro.description import HANDS, JOINT_GROUPS, JOINT_NAMES
 from emd_arm_executor.hiro.trajectory_following import CommandedTrajectory
 from emd_arm_executor.joint_trajectory import JointTrajectory
-from emd_arm_executor.robot_interface import RobotInterface
+from emd_arm_executor.robot_interface import JointReading, RobotInterface
 from emd_core.errors import InvalidInputError
 
 
@@ -50,10 +50,10 @@ class SimulatedRobot(RobotInterface):
             self.simulation.step(max(min(self._step, remaining), shortest))
             self._on_step()
 
-    def joint_positions(self) -> Mapping[str, float]:
+    def read_joints(self) -> JointReading:
         """Give the measured position of every joint, radians."""
         positions = self.simulation.world.joint_positions.tolist()
-        return dict(zip(JOINT_NAMES, positions, strict=True))
+        return JointReading(self.now(), dict(zip(JOINT_NAMES, positions, strict=True)))
 
     def send_trajectory(self, group: str, trajectory: JointTrajectory, start_time: float) -> None:
         """Let a joint group follow a trajectory from its start time on."""

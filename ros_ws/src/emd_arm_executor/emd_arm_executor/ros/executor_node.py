@@ -13,7 +13,7 @@ from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
-from emd_arm_executor.config import MotionConfig
+from emd_arm_executor.config import ExecutionConfig, MotionConfig
 from emd_arm_executor.executor import MotionExecutor
 from emd_arm_executor.motion_plan import MotionPlan, PhaseName
 from emd_arm_executor.motion_planner import MotionPlanner
@@ -31,6 +31,9 @@ from emd_core.ros.spin import spin_node
 from emd_core.ros.worker import SingleWorker
 from emd_msgs_py.action import ExecuteManipulation
 
+# Messages take a while to both controllers.
+_EXECUTION = ExecutionConfig(start_delay=0.05)
+
 
 class ExecutorNode(Node):
     """Plans the whole motion, checks it, and only then moves; one manipulation at a time."""
@@ -38,7 +41,7 @@ class ExecutorNode(Node):
     def __init__(self) -> None:
         """Load the robot's model and offer the action and the way home."""
         super().__init__("arm_executor")
-        config = declare_config(self, MotionConfig())
+        config = declare_config(self, MotionConfig(execution=_EXECUTION))
         description = hiro_description()
         model = RobotModel(description, config)
         self._planner = MotionPlanner(model)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 
 import numpy as np
 from rclpy.node import Node
@@ -13,13 +12,13 @@ from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 from emd_arm_executor.hiro.gripper import GripperGeometry
 from emd_arm_executor.joint_trajectory import JointTrajectory
 from emd_arm_executor.robot_description import RobotDescription
-from emd_arm_executor.robot_interface import RobotInterface
+from emd_arm_executor.robot_interface import JointReading, RobotInterface
 from emd_core.errors import NoObservationError, TrackingError
 from emd_core.ros import conversions
 
 _STALLED = 30.0  # seconds of the wall clock without any progress of the robot's
 _STALE = 0.03  # seconds of the robot's clock
-_STALE_PATIENCE = 0.5  # seconds of the wall clock
+_STALE_PATIENCE = 2.0  # seconds of the wall clock
 _GRIPPER_TIME = 0.3  # seconds in which the jaws open or close
 _HOLD_TIME = 0.1
 
@@ -71,26 +70,29 @@ class RosRobot(RobotInterface):
                 )
             time.sleep(0.002)
 
-    def joint_positions(self) -> Mapping[str, float]:
-        """Give the measured positions, no older than a few messages if they keep coming.
-
-        On a busy machine joint_states lag behind the clock; a stale posture would look like an arm
-        that does not follow.
+    def read_joints(self) -> JointReading:
+        """Give the measured positions; on a busy machine, wait for those of the present moment.
 
         Raises:
-            NoObservationError: If none has come yet.
+            NoObservationError: If none come, or none that is new.
         """
-        now, patience = self.now(), time.monotonic() + _STALE_PATIENCE
-        while time.monotonic() < patience:
-            state = self._state
-            stamp = conversions.time_from_message(state.header.stamp) if state else -1.0
-            if stamp >= now - _STALE:
-                break
+        wanted, patience = self.now() - _STALE, time.monotonic() + _STALE_PATIENCE
+        while (reading := self._reading()) is None or reading.time < wanted:
+            if time.monotonic() > patience:
+                last = "no message has come" if reading is None else f"the last is of {reading.time}"
+                raise NoObservationError(
+                    f"joint_states must be newer than {wanted:.2f} s, {last}; is the robot's "
+                    "driver running?"
+                )
             time.sleep(0.001)
+        return reading
+
+    def _reading(self) -> JointReading | None:
         state = self._state
         if state is None:
-            raise NoObservationError("no joint_states have come yet; start the robot's driver")
-        return dict(zip(state.name, state.position, strict=True))
+            return None
+        stamp = conversions.time_from_message(state.header.stamp)
+        return JointReading(stamp, dict(zip(state.name, state.position, strict=True)))
 
     def send_trajectory(self, group: str, trajectory: JointTrajectory, start_time: float) -> None:
         """Publish a trajectory that begins at `start_time`, seconds of the node's clock."""
