@@ -38,8 +38,8 @@ def test_bad_path_is_rejected(values: dict) -> None:
 
 def test_finer_mesh_gets_more_substeps() -> None:
     """Substeps grow with the vertices of the longer side, so that stretch does not."""
-    assert ClothConfig(vertices=(41, 81)).mesh_substeps == 14
-    assert ClothConfig(vertices=(101, 41)).mesh_substeps == 18
+    assert ClothConfig(vertices=(41, 81)).mesh_substeps == 16
+    assert ClothConfig(vertices=(101, 41)).mesh_substeps == 20
     assert ClothConfig(vertices=(21, 21)).mesh_substeps == ClothConfig().mesh_substeps
 
 

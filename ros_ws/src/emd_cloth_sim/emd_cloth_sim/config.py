@@ -92,7 +92,7 @@ class ClothConfig:
     max_speed: float = 2.5
     step: float = 1.0 / 240.0
     substeps: int = 12
-    vertices_per_substep: float = 5.8
+    vertices_per_substep: float = 5.2
     grasp_radius: float = 0.0075
     grasp_height_tolerance: float = 0.05
     grip_force: float = 0.8
