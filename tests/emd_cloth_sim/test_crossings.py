@@ -132,16 +132,13 @@ def test_no_close_pair_is_missed(seed: int) -> None:
     segments = allocate_segments(len(patches.pairs))
     motion, candidates = allocate_motion(len(patches.cones)), allocate_candidates(50_000)
     sheet = (*VERTICES, *map(single, SPACING), single(apart))
-    pairs = list_pairs(
-        positions, MESH.triangles, sheet, single(0.5 * reach), patches, segments, motion
-    )
+    pairs = list_pairs(positions, MESH.triangles, sheet, single(reach), patches, segments, motion)
     used = 0
     for m in range(pairs):
         used = search_pair(
             positions,
             MESH.triangles,
             sheet,
-            single(0.5 * reach),
             single(reach),
             single(0.002),
             m,

@@ -31,7 +31,7 @@ FACING = np.float32(0.7)
 # Way that two patches may move before all pairs of patches are listed anew, metres.
 PAIR_MARGIN = np.float32(0.010)
 NEVER = np.float32(1e9)
-ZERO, ONE, TWO = np.float32(0.0), np.float32(1.0), np.float32(2.0)
+ZERO, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 
 
 @njit(**FAST)
@@ -39,16 +39,16 @@ def list_pairs(
     position: NDArray[np.float32],
     triangles: IndexArray,
     sheet: Sheet,
-    pad: Single,
+    reach: Single,
     patches: Patches,
     segments: Segments,
     motion: Motion,
 ) -> int:
     """List the pairs of patches that may touch before one has moved by half of `PAIR_MARGIN`.
 
-    Each is to be searched when its patches, grown by `pad`, come to overlap.
+    Each is to be searched when its patches come within `reach` of each other.
     """
-    fill_boxes(position, sheet[0], sheet[1], pad, patches)
+    fill_boxes(position, sheet[0], sheet[1], HALF * reach, patches)
     fill_normals(position, triangles, patches)
     for p in range(motion.moved.shape[0]):
         motion.moved[p] = motion.boxed[p] = ZERO
@@ -67,7 +67,6 @@ def search_pair(
     position: NDArray[np.float32],
     triangles: IndexArray,
     sheet: Sheet,
-    pad: Single,
     reach: Single,
     thickness: Single,
     m: int,
@@ -79,16 +78,15 @@ def search_pair(
 ) -> int:
     """Append the candidates of pair m of patches; -1 if the lists are too short.
 
-    They are the pairs of vertex and triangle closer than `reach`; boxes are grown by `pad`. Returns
-    the new length.
+    They are the pairs of vertex and triangle closer than `reach`. Returns the new length.
     """
     p, q = patches.pairs[m, 0], patches.pairs[m, 1]
     for patch in (p, q):
         if motion.boxed[patch] != motion.moved[patch]:
-            fill_patch(position, sheet[0], sheet[1], pad, patches, patch)
+            fill_patch(position, sheet[0], sheet[1], HALF * reach, patches, patch)
             motion.boxed[patch] = motion.moved[patch]
     so_far = motion.moved[p] + motion.moved[q]
-    gap = gap_between(patches.patch_boxes, p, q) - (reach - TWO * pad)
+    gap = gap_between(patches.patch_boxes, p, q)
     stop = used
     if gap <= ZERO:
         for turn in range(1 if p == q else 2):
@@ -97,7 +95,6 @@ def search_pair(
                 position,
                 triangles,
                 sheet,
-                reach - pad,
                 reach,
                 thickness,
                 one,
@@ -120,7 +117,6 @@ def _find_between(
     position: NDArray[np.float32],
     triangles: IndexArray,
     sheet: Sheet,
-    pad: Single,
     reach: Single,
     thickness: Single,
     p: int,
@@ -130,9 +126,9 @@ def _find_between(
     candidates: Candidates,
     found: int,
 ) -> int:
-    """Add the pairs of a vertex, its box grown by `pad`, of patch p and a triangle of patch q."""
+    """Add the pairs of a vertex of patch p and a triangle of patch q."""
     boxes, places = patches.boxes, patches.places
-    apart = sheet[4] * sheet[4]
+    apart, pad = sheet[4] * sheet[4], HALF * reach
     for s in range(PLACES):
         v = places[p * PLACES + s]
         if v < 0:

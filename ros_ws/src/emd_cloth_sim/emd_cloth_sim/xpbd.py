@@ -47,9 +47,6 @@ ONE = np.float32(1.0)
 # Contacts of two patches are good for so many of their last ways and a little, metres.
 HORIZON_WAYS = np.float32(6.0)
 LEAST_HORIZON = np.float32(1e-4)
-# Their candidates are searched that far around when they are fast: so many of their last ways.
-SEARCH_WAYS = np.float32(20.0)
-GREATEST_MARGIN = np.float32(0.008)
 
 
 @njit(**FAST)
@@ -308,7 +305,7 @@ def refresh_contacts(
                 position,
                 constraints.triangles,
                 settings.sheet,
-                HALF * (settings.thickness + settings.margin),
+                settings.thickness + settings.margin,
                 memory.patches,
                 memory.segments,
                 motion,
@@ -340,13 +337,11 @@ def _refresh_segments(
             continue
         horizon = HORIZON_WAYS * last + LEAST_HORIZON
         if so_far + horizon >= segments.search[m]:
-            margin = min(max(settings.margin, SEARCH_WAYS * last), GREATEST_MARGIN)
             used = search_pair(
                 position,
                 constraints.triangles,
                 settings.sheet,
-                HALF * (settings.thickness + settings.margin),
-                settings.thickness + margin,
+                settings.thickness + settings.margin,
                 settings.thickness,
                 m,
                 memory.patches,
