@@ -14,6 +14,7 @@ import sys
 import time
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 
 from emd_cell.bench import BenchmarkResult
@@ -22,7 +23,6 @@ from emd_cloth_sim.manipulate import manipulate
 from emd_cloth_sim.presets import preset
 from emd_cloth_sim.random_manipulation import ManipulationRule
 from emd_cloth_sim.warm_up import compile_kernels
-from emd_core.errors import InvalidInputError
 from emd_core.frames import FieldOfView
 
 MESH = 81
@@ -105,7 +105,6 @@ def _tool(position: tuple[float, float, float]) -> np.ndarray:
 
 def _mujoco(mesh: int, span: float) -> dict:
     """The fold in MuJoCo: a flex whose edges keep their lengths, and mocap hands."""
-    mujoco = _import_mujoco()
     chosen = preset("towel").cloth
     side, corner = chosen.side_lengths[0], 0.5 * chosen.side_lengths[1]
     model = mujoco.MjModel.from_xml_string(_flex(mesh))
@@ -132,17 +131,6 @@ def _mujoco(mesh: int, span: float) -> dict:
         "stretch_p99": float(np.percentile(lengths, 99) / (side / (mesh - 1))),
         "contacts": int(data.ncon),
     }
-
-
-def _import_mujoco():  # noqa: ANN202
-    try:
-        import mujoco
-    except ImportError as err:
-        raise InvalidInputError(
-            "`bench cloth` compares with MuJoCo, which is not installed; install it with "
-            "`pip install mujoco` into the cell's environment"
-        ) from err
-    return mujoco
 
 
 def _flex(mesh: int) -> str:

@@ -1,4 +1,4 @@
-"""Claims about finding and undoing crossings, and about finding contacts, by brute force."""
+"""Claims about finding crossings and contacts, by brute force, and about impact zones."""
 
 import numpy as np
 import pytest
@@ -8,8 +8,9 @@ from emd_cloth_sim.cloth import Cloth
 from emd_cloth_sim.config import ClothConfig
 from emd_cloth_sim.contact_pairs import allocate_candidates, allocate_motion, allocate_segments
 from emd_cloth_sim.contact_search import list_pairs, search_pair
-from emd_cloth_sim.crossings import EVERYWHERE, find_crossings, undo_crossings
+from emd_cloth_sim.crossings import EVERYWHERE, find_crossings
 from emd_cloth_sim.edge_contact import allocate_edge_pairs, collide_edges
+from emd_cloth_sim.impact_zones import allocate_zones, undo_crossings
 from emd_cloth_sim.mesh import SheetMesh, build_mesh, feature_owners
 
 VERTICES = (14, 11)
@@ -85,29 +86,83 @@ def test_clean_sheets_have_no_crossings() -> None:
         assert crossings_of(positions.astype(single)) == set()
 
 
-def test_undoing_leaves_no_crossing() -> None:
-    """From a clean state, a step into a tangle is undone as far as needed and no farther."""
-    safe = rolled()
-    assert crossings_of(safe) == set()
-    position, velocity = safe.copy(), np.ones_like(safe)
-    position[60:64] += 0.03 * np.random.default_rng(0).normal(size=(4, 3)).astype(single)
-    position[5] += single(0.001)
-    assert crossings_of(position)
-    before, pairs = position.copy(), allocate_edge_pairs(500)
+def undo(
+    position: np.ndarray,
+    velocity: np.ndarray,
+    safe: np.ndarray,
+    mobility: np.ndarray,
+    desk: float = -1.0,
+) -> tuple[int, int]:
+    """Undo crossings in place; returns how many vertices were in zones and edges are watched."""
+    pairs = allocate_edge_pairs(500)
     moved = undo_crossings(
         position,
         velocity,
         safe.copy(),
+        mobility,
         MESH.triangles,
         *VERTICES,
         make_patches(VERTICES),
         np.empty((5000, 5), dtype=np.int32),
         pairs,
+        allocate_zones(len(position)),
+        single(desk),
     )
-    assert crossings_of(position) == set() and moved > 0 and pairs.length[0] > 0
+    return moved, int(pairs.length[0])
+
+
+def into_a_tangle() -> tuple[np.ndarray, np.ndarray]:
+    """A clean state, and one with crossings that it moves to; vertex 5 is far from them."""
+    safe, rng = rolled(), np.random.default_rng(0)
+    position = safe + single(0.002)
+    position[60:64] += 0.03 * rng.normal(size=(4, 3)).astype(single)
+    position[5] += single(0.001)
+    assert crossings_of(safe) == set() and crossings_of(position)
+    return safe, position
+
+
+def test_undoing_leaves_no_crossing() -> None:
+    """From a clean state, a step into a tangle is undone as far as needed and no farther."""
+    safe, position = into_a_tangle()
+    before, velocity = position.copy(), np.ones_like(safe)
+    moved, watched = undo(position, velocity, safe, np.ones(len(safe)))
+    assert crossings_of(position) == set() and 5 <= moved < len(safe) and watched > 0
     assert np.array_equal(position[5], before[5]) and (velocity[5] == 1.0).all()
-    put_back = (position == safe).all(axis=1) & (before != safe).any(axis=1)
-    assert put_back.any() and (velocity[put_back] == 0.0).all()
+
+
+def test_zones_keep_their_shape_and_momentum() -> None:
+    """What was in a tangle moves on as one piece, by the mean of what its vertices wanted."""
+    safe, position = into_a_tangle()
+    velocity = np.random.default_rng(1).normal(size=safe.shape).astype(single)
+    wanted, momentum = position.copy(), velocity.sum(axis=0)
+    undo(position, velocity, safe, np.ones(len(safe)))
+    zone = (position != wanted).any(axis=1)
+    ways = (position - safe)[zone]
+    assert np.ptp(ways, axis=0).max() < 1e-6 and np.ptp(velocity[zone], axis=0).max() < 1e-6
+    np.testing.assert_allclose(ways[0], (wanted - safe)[zone].mean(axis=0), atol=1e-6)
+    np.testing.assert_allclose(velocity.sum(axis=0), momentum, atol=1e-4)
+
+
+def test_zones_follow_a_rigid_grip() -> None:
+    """A zone with a held vertex goes where this one goes, so that nothing is torn off the hand."""
+    safe, position = into_a_tangle()
+    velocity, mobility = np.zeros_like(safe), np.ones(len(safe))
+    mobility[61], position[61] = 0.0, safe[61] + single(0.02)
+    wanted = position[61].copy()
+    undo(position, velocity, safe, mobility)
+    assert crossings_of(position) == set()
+    np.testing.assert_allclose(position[61], wanted, atol=1e-5)
+
+
+def test_zones_do_not_sink_into_the_desk() -> None:
+    """A zone that its vertices' motion would carry down stops where its lowest one rests."""
+    safe, position = into_a_tangle()
+    position[:, 2] -= single(0.03)
+    wanted, desk = position.copy(), float(safe[:, 2].min()) - 0.001
+    undo(position, np.zeros_like(safe), safe, np.ones(len(safe)), desk)
+    zone = (position != wanted).any(axis=1)
+    ways = position[zone, 2] - safe[zone, 2]
+    assert position[zone, 2].min() >= desk - 1e-6 and np.ptp(ways) < 1e-6
 
 
 def test_watched_edges_are_pushed_apart() -> None:

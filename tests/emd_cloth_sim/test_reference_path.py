@@ -5,8 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from emd_cloth_sim.cloth import Cloth
+from emd_cloth_sim.manipulate import manipulate
+from emd_cloth_sim.presets import preset
 from emd_cloth_sim.reference_path import ReferencePathConfig, reference_offsets
 from emd_core.errors import InvalidInputError
+from emd_core.manipulation import Manipulation
 
 REFERENCE = Path(__file__).parents[2].parent / "shared" / "data" / "blender_reference"
 CONFIG = ReferencePathConfig(half_extent=1.0)
@@ -36,7 +40,14 @@ def test_path_ends_where_the_reference_hand_ended() -> None:
 
 
 @pytest.mark.parametrize(
-    "values", [{"lift": 0.0}, {"sink": 1.5}, {"frames_after": -1}, {"frame": float("nan")}]
+    "values",
+    [
+        {"lift": 0.0},
+        {"hand_speed": 0.0},
+        {"sink": 1.5},
+        {"frames_after": -1},
+        {"frame": float("nan")},
+    ],
 )
 def test_bad_path_is_rejected(values: dict) -> None:
     """A value out of range raises InvalidInputError."""
@@ -48,3 +59,14 @@ def test_path_needs_a_displacement() -> None:
     """A displacement of zero, by whose length the generator divides, is rejected."""
     with pytest.raises(InvalidInputError):
         reference_offsets(np.zeros(2), CONFIG)
+
+
+def test_a_jump_of_the_hand_tears_nothing() -> None:
+    """A short move, which begins with a long jump, is made no faster than the hand can."""
+    chosen = preset("reference", (21, 21))
+    cloth = Cloth(chosen.cloth)
+    grasp = np.array([[0.15, 0.15], [np.nan, np.nan]])
+    outcome = manipulate(cloth, Manipulation(grasp, np.array([0.015, 0.0])), chosen.path)
+    jump = 0.03125 * chosen.path.half_extent**2 / 0.015
+    assert outcome.carry_time > jump / chosen.path.hand_speed > 5 * chosen.path.frame
+    assert outcome.diagnostics.failure == ""

@@ -17,6 +17,8 @@ def sweep(
     squeeze: float = 0.0,
     damping: float = 0.0,
     sweeps: int = 1,
+    limit: float = 1e30,
+    shortest: float = 0.0,
 ) -> np.ndarray:
     """Hold two vertices a length of 1 apart; gives the new positions."""
     moved = position.copy()
@@ -32,6 +34,8 @@ def sweep(
             stretch,
             squeeze,
             damping,
+            limit,
+            shortest,
         )
     return moved
 
@@ -54,6 +58,13 @@ def test_slack_springs_only_pull() -> None:
     """A spring without resistance to squeezing leaves shortened pairs alone."""
     np.testing.assert_array_equal(sweep(ends(0.7), ends(0.7), squeeze=-1.0), ends(0.7))
     assert sweep(ends(1.3), ends(1.3), squeeze=-1.0)[1, 0] < 1.3
+
+
+@pytest.mark.parametrize(("length", "wanted"), [(1.4, 1.06), (1.05, 1.05), (0.7, 0.7), (0.3, 0.5)])
+def test_soft_springs_end_at_their_limits(length: float, wanted: float) -> None:
+    """However soft, a spring gets no longer and no shorter than its limits."""
+    moved = sweep(ends(length), ends(length), stretch=1e6, squeeze=1e6, limit=1.06, shortest=0.5)
+    assert moved[1, 0] - moved[0, 0] == pytest.approx(wanted, abs=1e-5)
 
 
 def test_rigid_grip_does_not_yield() -> None:

@@ -14,7 +14,7 @@ from emd_cloth_sim.hinges import hinge_angles
 from emd_cloth_sim.mesh import build_mesh, flat_positions, pair_lengths
 from emd_cloth_sim.step_data import (
     CLEAN,
-    PUT_BACK,
+    IN_ZONES,
     UNBOUNDED,
     UNSEEN,
     ClothState,
@@ -54,6 +54,7 @@ class Cloth:
         )
         self._constraints = constraints_of(self.mesh, self.config)
         self._memory = contact_memory(self.config)
+        self._memory.counts[CLEAN] = 1.0
         self._growth = 1
         self._hands = (Hand(), Hand())
         self._slow_time = self.config.settle_time
@@ -81,6 +82,8 @@ class Cloth:
             raise InvalidInputError("positions must be finite, got NaN or infinity")
         cloth._position[:] = positions
         cloth._slow_time = 0.0
+        cloth._memory.counts[[CLEAN, UNSEEN]] = 0.0, 1.0
+        cloth._undo_crossings()
         cloth.take_rest_shape()
         return cloth
 
@@ -254,7 +257,7 @@ class Cloth:
             self._growth *= 2
             counts = self._memory.counts
             self._memory = contact_memory(self.config, self._growth)
-            self._memory.counts[[CLEAN, PUT_BACK, UNSEEN]] = counts[[CLEAN, PUT_BACK, UNSEEN]]
+            self._memory.counts[[CLEAN, IN_ZONES, UNSEEN]] = counts[[CLEAN, IN_ZONES, UNSEEN]]
 
     def _held(self, start: float, end: float, substep: float) -> Held:
         reach = [

@@ -57,6 +57,10 @@ class ClothConfig:
             those of a side and of a diagonal.
         squeeze_ratio: Compliance of a shortened side over that of a stretched one; `springs` only.
         internal_damping: Retardation time of the springs, seconds; `springs` only.
+        strain_limit: Share by which a spring gives way under a pull; longer it does not get. 0: no
+            limit; `springs` only.
+        squeeze_limit: Share of a side's length on the flat sheet up to which it gives way to a
+            squeeze; `springs` only.
         spring_sweeps: Sweeps over the springs in a substep, at least 1: the more, the farther a
             pull is felt within it; `springs` only.
         bending: `rows`: three vertices in a row seek a straight line. `hinges`: cells seek their
@@ -66,9 +70,6 @@ class ClothConfig:
             Needs `springs` and `hinges`.
         desk_gap: Height over the desk at which the cloth's underside rests, metres: a collision
             margin.
-        repair_crossings: Whether vertices of layers that went through each other are put back to
-            where they did not. A cloth that is pulled hard must not: what is put back stays
-            behind, and the cloth between it and the hand stretches.
         max_stretch: A state of which more than 1 % of the edges are stretched by a greater share
             than this cannot be believed.
         separation_speed: Fastest that a contact drives cloth that is too near apart, m/s. What
@@ -102,13 +103,14 @@ class ClothConfig:
     membrane: str = "weave"
     squeeze_ratio: float = 1.0
     internal_damping: float = 0.0
+    strain_limit: float = 0.0
+    squeeze_limit: float = 0.0
     spring_sweeps: int = 1
     bending: str = "rows"
     plastic: bool = False
     desk_gap: float = 0.0
     separation_speed: float = 0.0
     rigid_grip: bool = False
-    repair_crossings: bool = True
     max_stretch: float = 0.03
 
     def __post_init__(self) -> None:
@@ -247,6 +249,8 @@ _NOT_NEGATIVE = (
     "cloth_friction",
     "damping",
     "internal_damping",
+    "strain_limit",
+    "squeeze_limit",
     "desk_gap",
     "separation_speed",
 )

@@ -1,4 +1,4 @@
-"""Crossings of the cloth with itself: finding them, counting them, and undoing them.
+"""Crossings of the cloth with itself: finding them.
 
 A crossing is an edge of a triangle, diagonals included, that passes through another triangle
 without a common vertex. The search compares boxes of patches, then of cells, then triangles with
@@ -24,7 +24,6 @@ from emd_cloth_sim.broad_phase import (
     mark_overlaps,
     pair_patches,
 )
-from emd_cloth_sim.edge_contact import EdgePairs, watch_edges
 from emd_cloth_sim.mesh import IndexArray
 from emd_cloth_sim.planes import FAST, Single
 
@@ -33,8 +32,6 @@ Positions = NDArray[np.floating[Any]]
 FACING = np.float32(0.0)
 EVERYWHERE = np.float32(2.0)
 ZERO = np.float32(0.0)
-# Rounds of putting back before everything is.
-ROUNDS = 20
 # Ends of an edge nearer to a triangle's plane only touch it, metres: that is what single precision
 # can tell.
 TOUCHING = np.float32(1e-6)
@@ -189,61 +186,3 @@ def _normal(position: Positions, a: int, b: int, c: int) -> tuple[Single, Single
     v1 = position[c, 1] - position[a, 1]
     v2 = position[c, 2] - position[a, 2]
     return u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
-
-
-@njit(**FAST)
-def _put_back(
-    position: NDArray[np.float32],
-    velocity: NDArray[np.float32],
-    safe: NDArray[np.float32],
-    vertex: int,
-    rows: int,
-    columns: int,
-    around: int,
-) -> int:
-    """Put a vertex back, and those up to `around` rows and columns from it; returns how many."""
-    i, j = vertex // columns, vertex % columns
-    moved = 0
-    for row in range(max(i - around, 0), min(i + around + 1, rows)):
-        for column in range(max(j - around, 0), min(j + around + 1, columns)):
-            v = row * columns + column
-            moved += 1
-            for axis in range(3):
-                position[v, axis] = safe[v, axis]
-                velocity[v, axis] = np.float32(0.0)
-    return moved
-
-
-@njit(**FAST)
-def undo_crossings(
-    position: NDArray[np.float32],
-    velocity: NDArray[np.float32],
-    safe: NDArray[np.float32],
-    triangles: IndexArray,
-    rows: int,
-    columns: int,
-    patches: Patches,
-    found: IndexArray,
-    pairs: EdgePairs,
-) -> int:
-    """Put vertices that take part in a crossing back to where they were `safe`, at rest.
-
-    What this makes cross anew is put back with ever more around it, in the end everything: a
-    state without crossings is never followed by one with them. Their edges are watched from then
-    on. Then the present state becomes the safe one. Returns how many vertices were put back.
-    """
-    moved = 0
-    for sweep in range(ROUNDS):
-        total = find_crossings(position, triangles, rows, columns, patches, FACING, found)
-        if total == 0:
-            break
-        if sweep == ROUNDS - 1 or total > found.shape[0]:
-            position[:] = safe
-            velocity[:] = np.float32(0.0)
-            return position.shape[0]
-        watch_edges(safe, found, total, pairs)
-        for n in range(total):
-            for k in range(5):
-                moved += _put_back(position, velocity, safe, found[n, k], rows, columns, sweep)
-    safe[:] = position
-    return moved

@@ -81,21 +81,30 @@ def _manipulate_as_reference(
     held = (cloth.held_count(0), cloth.held_count(1))
     if not any(held):
         return ManipulationOutcome(held, 0.0, 0.0, cloth.settled, cloth.check())
-    frames = max(len(path) for path in offsets.values())
-    for frame in range(frames):
+    carry_time = 0.0
+    for frame in range(max(len(path) for path in offsets.values())):
+        ways = [_way(path, frame) for path in offsets.values()]
+        duration = max(config.frame, max(ways) / config.hand_speed)
         for hand, path in offsets.items():
             # A hand with a shorter way waits at its end for the other.
             offset = path[min(frame, len(path) - 1)]
             cloth.move_hand(hand, _tool_frame(starts[hand] + offset))
-        cloth.advance(config.frame)
+        cloth.advance(duration)
+        carry_time += duration
     for hand in starts:
         cloth.release(hand)
     for _ in range(config.frames_after):
         cloth.advance(config.frame)
     settle_time = config.frames_after * config.frame
-    return ManipulationOutcome(
-        held, frames * config.frame, settle_time, cloth.settled, cloth.check()
-    )
+    return ManipulationOutcome(held, carry_time, settle_time, cloth.settled, cloth.check())
+
+
+def _way(path: FloatArray, frame: int) -> float:
+    """How far a hand goes in a frame of its path (F, 3), which begins at the grasp, metres."""
+    if frame >= len(path):
+        return 0.0
+    before = path[frame - 1] if frame > 0 else np.zeros(3)
+    return float(np.linalg.norm(path[frame] - before))
 
 
 def settle(cloth: Cloth, time_limit: float) -> float:

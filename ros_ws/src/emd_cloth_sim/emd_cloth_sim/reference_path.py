@@ -27,6 +27,8 @@ class ReferencePathConfig:
         frames_before: Frames for which the hand holds still after the grasp.
         sink: Part of `lift` by which the hand sinks in the frame before it opens.
         frames_after: Frames from the opening until the state is taken, at rest or not.
+        hand_speed: Fastest that the hand moves, m/s: a longer way than it makes in a frame, such
+            as the jump at the beginning, takes more time.
         half_extent: Metres of a normalised unit.
     """
 
@@ -36,6 +38,7 @@ class ReferencePathConfig:
     frames_before: int = 0
     sink: float = 0.3
     frames_after: int = 12
+    hand_speed: float = 1.5
     half_extent: float = 0.40 / 1.4
 
     def __post_init__(self) -> None:
@@ -44,7 +47,7 @@ class ReferencePathConfig:
         Raises:
             InvalidInputError: If a value is out of its range.
         """
-        for name in ("lift", "speed", "frame", "half_extent"):
+        for name in ("lift", "speed", "frame", "hand_speed", "half_extent"):
             value = getattr(self, name)
             if not math.isfinite(value) or value <= 0:
                 raise InvalidInputError(f"{name} must be positive and finite, got {value}")

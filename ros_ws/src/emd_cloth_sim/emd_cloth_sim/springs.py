@@ -30,6 +30,8 @@ def hold_damped_lengths(
     stretch_compliance: float,
     squeeze_compliance: float,
     damping: float,
+    limit: float,
+    shortest: float,
 ) -> None:
     """Pull pairs to their rest lengths, against their lengths' rate of change.
 
@@ -45,6 +47,8 @@ def hold_damped_lengths(
         stretch_compliance: Of a spring longer than at rest; scaled, no unit.
         squeeze_compliance: Of a shorter one; negative: a shorter spring is slack.
         damping: Retardation time (damping over stiffness) over the substep; no unit.
+        limit: Longest length, as a multiple of that at rest, up to which springs give way.
+        shortest: Length up to which springs give way when they are squeezed, metres.
     """
     for c in range(pairs.shape[0]):
         a = pairs[c, 0]
@@ -69,7 +73,8 @@ def hold_damped_lengths(
         error = length - lengths[c] + damping * (length - before) - compliance * multipliers[c]
         pull = error / ((one + other) * (1.0 + damping) + compliance)
         multipliers[c] += pull
-        pull /= length
+        pull = max(pull, (length - limit * lengths[c]) / (one + other))
+        pull = min(pull, (length - shortest) / (one + other)) / length
         position[a, 0] += one * pull * x
         position[a, 1] += one * pull * y
         position[a, 2] += one * pull * z

@@ -22,6 +22,7 @@ from emd_cloth_sim.contact_pairs import (
 )
 from emd_cloth_sim.edge_contact import EdgePairs, allocate_edge_pairs
 from emd_cloth_sim.hinges import cell_hinges
+from emd_cloth_sim.impact_zones import Zones, allocate_zones
 from emd_cloth_sim.mesh import IndexArray, SheetMesh, cell_diagonals, feature_owners
 from emd_cloth_sim.planes import Plane, Single, empty_planes, to_plane
 from emd_core.frames import FloatArray
@@ -42,7 +43,7 @@ HINGE_PHASE = 0.5
 UNBOUNDED = 1e30
 MAX_CROSSINGS_LISTED = 4096
 # Places in `ContactMemory.counts`.
-PAIRS, CANDIDATES, CLEAN, PUT_BACK, UNSEEN = range(5)
+PAIRS, CANDIDATES, CLEAN, IN_ZONES, UNSEEN = range(5)
 
 Singles = NDArray[np.float32]
 
@@ -128,8 +129,8 @@ class ContactMemory(NamedTuple):
 
     `ways` is the square way of each vertex in the last substep, `seen` what the look for crossings
     works on. `counts` holds the number of pairs of patches (-1: not listed yet) and of candidates,
-    whether the cloth was free of crossings when last looked at, how often a vertex has been put
-    back for one, and how far two layers may have approached each other since that look.
+    whether the cloth was free of crossings when last looked at, how often a vertex has been in an
+    impact zone, and how far two layers may have approached each other since that look.
     """
 
     patches: Patches
@@ -140,6 +141,7 @@ class ContactMemory(NamedTuple):
     contacts: Contacts
     seen: Patches
     edge_pairs: EdgePairs
+    zones: Zones
     crossings: IndexArray
     counts: NDArray[np.float64]
 
@@ -172,10 +174,11 @@ class StepSettings(NamedTuple):
     weave: bool
     rows: bool
     rigid_grip: bool
-    repair_crossings: bool
     spring_compliance: float
     squeeze_compliance: float
     internal_damping: float
+    spring_limit: float
+    spring_shortest: float
     spring_sweeps: int
     hinge_stiffness: float
     hinge_interval: int
@@ -250,6 +253,7 @@ def contact_memory(config: ClothConfig, growth: int = 1) -> ContactMemory:
         allocate_contacts(size),
         make_patches(config.vertices),
         allocate_edge_pairs(MAX_EDGE_PAIRS),
+        allocate_zones(config.vertices[0] * config.vertices[1]),
         np.empty((MAX_CROSSINGS_LISTED, 5), dtype=np.int32),
         np.array([-1.0, 0.0, 0.0, 0.0, 0.0]),
     )
@@ -292,10 +296,11 @@ def step_settings(config: ClothConfig, substep: float) -> StepSettings:
         weave=weave,
         rows=config.bending == "rows",
         rigid_grip=config.rigid_grip,
-        repair_crossings=config.repair_crossings,
         spring_compliance=stretch,
         squeeze_compliance=config.squeeze_ratio * stretch,
         internal_damping=config.internal_damping / substep,
+        spring_limit=1.0 + (config.strain_limit or UNBOUNDED),
+        spring_shortest=config.squeeze_limit * min(config.spacing),
         spring_sweeps=config.spring_sweeps,
         hinge_stiffness=config.bending_rigidity / config.vertex_mass,
         hinge_interval=_hinge_interval(config, substep),

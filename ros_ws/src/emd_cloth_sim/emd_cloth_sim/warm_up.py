@@ -16,7 +16,8 @@ def compile_kernels() -> None:
 
     It takes some ten seconds the first time and little afterwards.
     """
-    cloth = Cloth(ClothConfig(side_lengths=(0.10, 0.10), vertices=(11, 11)))
+    config = ClothConfig(side_lengths=(0.10, 0.10), vertices=(11, 11))
+    cloth = Cloth(config)
     hand = np.eye(4)
     hand[:3, 3] = cloth.positions_in_table[0]
     cloth.grasp(0, hand)
@@ -27,7 +28,7 @@ def compile_kernels() -> None:
         cloth.advance(1.0 / 60.0)
     cloth.release(0)
     cloth.advance(1.0 / 60.0)
-    cloth.check()
+    Cloth.from_positions(cloth.positions_in_table, config).check()
 
 
 def prepare_kernels() -> None:

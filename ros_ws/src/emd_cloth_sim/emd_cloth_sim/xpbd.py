@@ -23,16 +23,17 @@ from emd_cloth_sim.constraints import (
 from emd_cloth_sim.contact import collide_with_desk, collide_with_self, find_contacts
 from emd_cloth_sim.contact_pairs import note_motion
 from emd_cloth_sim.contact_search import PAIR_MARGIN, list_pairs, search_pair
-from emd_cloth_sim.crossings import EVERYWHERE, find_crossings, undo_crossings
+from emd_cloth_sim.crossings import EVERYWHERE, find_crossings
 from emd_cloth_sim.edge_contact import collide_edges, forget_parted
 from emd_cloth_sim.hinges import turn_hinges
+from emd_cloth_sim.impact_zones import undo_crossings
 from emd_cloth_sim.planes import FAST, Single, load_planes, store_planes
 from emd_cloth_sim.springs import hold_damped_lengths
 from emd_cloth_sim.step_data import (
     CANDIDATES,
     CLEAN,
+    IN_ZONES,
     PAIRS,
-    PUT_BACK,
     UNSEEN,
     UNSEEN_WAY,
     ClothState,
@@ -208,6 +209,8 @@ def _hold_springs(state: ClothState, lattice: Lattice, settings: StepSettings) -
             settings.shear_compliance,
             -1.0,
             settings.internal_damping,
+            settings.spring_limit,
+            0.0,
         )
         hold_damped_lengths(
             state.position,
@@ -219,6 +222,8 @@ def _hold_springs(state: ClothState, lattice: Lattice, settings: StepSettings) -
             settings.spring_compliance,
             settings.squeeze_compliance,
             settings.internal_damping,
+            settings.spring_limit,
+            settings.spring_shortest,
         )
 
 
@@ -252,24 +257,25 @@ def undo(
     """Undo crossings that have come up since the last time; if there were some, look on."""
     rows, columns = constraints.vertices
     memory.counts[UNSEEN] = 0.0
-    if not settings.repair_crossings:
-        return
     if memory.counts[CLEAN] > 0:
         moved = undo_crossings(
             state.position,
             state.velocity,
             state.safe,
+            constraints.lattice.mobility,
             constraints.triangles,
             rows,
             columns,
             memory.seen,
             memory.crossings,
             memory.edge_pairs,
+            memory.zones,
+            settings.rest_height,
         )
         if moved > 0:
-            # What was put back has moved farther than the lists allow for.
+            # What is in a zone has moved farther than the lists allow for.
             memory.counts[PAIRS] = -1.0
-            memory.counts[PUT_BACK] += moved
+            memory.counts[IN_ZONES] += moved
         forget_parted(state.position, memory.edge_pairs, settings.edge_thickness)
         return
     crossings = find_crossings(

@@ -79,7 +79,9 @@ class RosRobot(RobotInterface):
         wanted, patience = self.now() - _STALE, time.monotonic() + _STALE_PATIENCE
         while (reading := self._reading()) is None or reading.time < wanted:
             if time.monotonic() > patience:
-                last = "no message has come" if reading is None else f"the last is of {reading.time}"
+                last = (
+                    "no message has come" if reading is None else f"the last is of {reading.time}"
+                )
                 raise NoObservationError(
                     f"joint_states must be newer than {wanted:.2f} s, {last}; is the robot's "
                     "driver running?"
