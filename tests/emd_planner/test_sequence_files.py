@@ -9,6 +9,7 @@ import pytest
 
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FieldOfView
+from emd_core.sequence_split import in_split
 from emd_core.voxel_grid import voxelise
 from emd_planner.sequence_files import load_sequences
 
@@ -56,6 +57,17 @@ def test_split_is_by_sequence_and_always_alike(shard_directory):
     assert not any(bytes(row) in moves for row in held_out.manipulations)
     with pytest.raises(InvalidInputError, match="both parts"):
         data.split(1.0)
+
+
+def test_test_sequences_are_kept_from_training(shard_directory):
+    """A sequence is in one of the two splits, and which one depends on its index alone."""
+    whole = load_sequences([shard_directory])
+    train, test = (load_sequences([shard_directory], split=name) for name in ("train", "test"))
+    assert len(train) + len(test) == len(whole) and len(train) > len(test)
+    kept = {row.tobytes() for row in train.packed_grids} & {r.tobytes() for r in test.packed_grids}
+    first = {whole.packed_grids[i].tobytes() for i in whole.first_states}
+    assert kept <= first  # the flat cloth, with which they may all begin
+    assert sum(in_split(index, "test") for index in range(10_000)) == pytest.approx(1000, abs=100)
 
 
 def test_sequences_of_different_lengths_go_together(tmp_path, write_shards):

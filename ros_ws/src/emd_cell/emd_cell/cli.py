@@ -7,10 +7,11 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from typer.core import TyperCommand
 
 from emd_core.errors import CellError, ErrorCode
 
@@ -156,6 +157,72 @@ def evaluate_cloth(
 
     mean = evaluate_folder(reference, json_file, preset, mesh, workers, half, pictures, console)
     print(json.dumps(mean, indent=1))
+    print(f"written: {json_file}")
+
+
+class _ManyValues(TyperCommand):
+    """Options that may be given many values after one name: `--steps 1 2 3`."""
+
+    many = ("--data", "--steps", "--planners")
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Repeat the option's name before each further value, as Click wants it."""
+        repeated: list[str] = []
+        name = ""
+        for arg in args:
+            is_further = name in self.many and not arg.startswith("-") and repeated[-1] != name
+            repeated += [name, arg] if is_further else [arg]
+            name = arg if arg.startswith("-") else name
+        return super().parse_args(ctx, repeated)
+
+
+@app.command(cls=_ManyValues)
+def evaluate(
+    json_file: Annotated[Path, typer.Option("--json", help="rows and records; .md, .png beside")],
+    data: Annotated[
+        list[Path] | None, typer.Option(help="sequences: folders, or the authors' npz; many")
+    ] = None,
+    neat: Annotated[bool, typer.Option("--neat", help="the neat folds instead of data")] = False,
+    split: Annotated[str, typer.Option(help="all, train or test (a tenth)")] = "all",
+    sequences: Annotated[int | None, typer.Option(min=1, help="at most so many")] = None,
+    steps: Annotated[list[int] | None, typer.Option(help="1 2 3; many")] = None,
+    mode: Annotated[str, typer.Option(help="replan (the paper's procedure) or open")] = "replan",
+    planners: Annotated[
+        list[str] | None,
+        typer.Option(help="paper ours nothing empty random oracle oracle_perturbed; many"),
+    ] = None,
+    preset: Annotated[str | None, typer.Option(help="the cloth; default: reference, or towel")] = (
+        None
+    ),
+    mesh: Annotated[int, typer.Option(min=5, help="vertices a side")] = 41,
+    weights: Annotated[Path | None, typer.Option(help="default: those shipped")] = None,
+    reach: Annotated[bool, typer.Option("--reach", help="plan within the arms' reach")] = False,
+    workers: Annotated[int | None, typer.Option(min=1, help="default: all cores")] = None,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+) -> None:
+    """Let planners fold in the cloth simulation and compare the outcomes; docs/evaluation.md."""
+    import os
+
+    from emd_cell.evaluation.command import evaluate_planners
+    from emd_cell.evaluation.run import Evaluation
+    from emd_cell.evaluation.tasks import neat_tasks, sequence_tasks
+    from emd_cloth_sim.presets import preset as cloth_preset
+    from emd_core.errors import InvalidInputError
+    from emd_planner.config import ReachConfig
+
+    if bool(data) == neat:
+        raise InvalidInputError("give either --data or --neat")
+    cloth = cloth_preset(preset or ("towel" if neat else "reference"), (mesh, mesh))
+    tasks = (
+        neat_tasks(cloth.cloth)
+        if neat
+        else sequence_tasks(data or [], steps or [1, 2, 3], mesh, split, sequences)
+    )
+    names = tuple(planners or ["nothing", "paper", "ours"])
+    limits = ReachConfig() if reach else None
+    evaluation = Evaluation(tasks, names, mode, cloth, weights, limits, seed)
+    count = workers or len(os.sched_getaffinity(0))
+    print(evaluate_planners(evaluation, json_file, count, sys.argv[2:], console), end="")
     print(f"written: {json_file}")
 
 

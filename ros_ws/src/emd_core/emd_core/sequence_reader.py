@@ -61,7 +61,7 @@ class SequenceReader:
         """Find the files and read their headers.
 
         Args:
-            directories: Each with `shard_*.npz` or with the authors' `*.npz` files.
+            directories: Each with `shard_*.npz` or with the authors' `*.npz` files; or such files.
             field_of_view: The box and voxels of the grids; the default one if None.
 
         Raises:
@@ -107,9 +107,13 @@ class SequenceReader:
 def sequence_paths(directory: Path) -> list[Path]:
     """Find a directory's files: shards if there are any, otherwise the authors' files.
 
+    A file stands for itself.
+
     Raises:
         InvalidInputError: If there is neither.
     """
+    if directory.is_file():
+        return [directory]
     paths = sorted(directory.glob(PATTERN)) or sorted(directory.glob("[!.]*.npz"))
     if not paths:
         raise InvalidInputError(

@@ -220,6 +220,14 @@ class PlannerConfig:
     reach_weight: float = 1.0
 
 
+# Planners by name. "paper" is III-C to the letter; "ours" starts on the cloth, wherever it lies,
+# and lets no step go by without a grasp.
+PLANNERS: dict[str, PlannerConfig] = {
+    "paper": PlannerConfig(max_displacement=1.0, start_on_cloth=False, grasp_weight=0.0),
+    "ours": PlannerConfig(restarts=24),
+}
+
+
 @dataclass(frozen=True)
 class ReachConfig:
     """Where each hand may grasp and release: one convex polygon per arm (paper, V-B).

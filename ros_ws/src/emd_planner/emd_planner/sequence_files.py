@@ -15,17 +15,19 @@ from emd_core.cloth_sequence import ClothSequence
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FieldOfView
 from emd_core.sequence_reader import SequenceReader
+from emd_core.sequence_split import in_split
 from emd_planner.dataset import SequenceSet, first_states
 
 
 def load_sequences(
-    directories: Sequence[Path], field_of_view: FieldOfView | None = None
+    directories: Sequence[Path], field_of_view: FieldOfView | None = None, split: str = "all"
 ) -> SequenceSet:
     """Read all files of one or more directories, in the order of their names.
 
     Args:
         directories: Each with `shard_*.npz` or with the authors' `*.npz` files.
         field_of_view: The box and voxels of the grids; the default one if None.
+        split: Which sequences are kept; see `emd_core.sequence_split`.
 
     Raises:
         InvalidInputError: If a directory holds no such file, a file does not have the form, or
@@ -38,15 +40,17 @@ def load_sequences(
                 f"{file.path} has a displacement for each hand, but the net takes one for both; "
                 "generate the data without --independent-hands"
             )
-    data = _empty_set(reader)
+    data, kept = _empty_set(reader), []
     for number, sequence in enumerate(reader):
+        if in_split(sequence.index, split):
+            kept.append(number)
         first = int(data.first_states[number])
         rows = slice(first, first + len(sequence) + 1)
         data.packed_grids[rows] = sequence.packed_grids
         data.manipulations[rows.start : rows.stop - 1] = _network_input(sequence)
         if data.points is not None:
             _fill_points(data.points[rows], sequence)
-    return data
+    return data if len(kept) == len(data) else data.subset(np.array(kept, dtype=np.int64))
 
 
 def _empty_set(reader: SequenceReader) -> SequenceSet:

@@ -99,7 +99,7 @@ def main(arguments: list[str] | None = None) -> int:
         device = resolve_device(options.device)
         if options.threads:
             torch.set_num_threads(options.threads)
-        data = load_sequences(options.data)
+        data = load_sequences(options.data, split="train")
         console.print(f"{len(data)} sequences, {data.manipulation_count} manipulations; {device}")
         run = Run(
             options.out,

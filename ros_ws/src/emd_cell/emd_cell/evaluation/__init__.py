@@ -1,0 +1,1 @@
+"""Plans judged by what becomes of them: planned, executed in the cloth simulation, compared."""

@@ -1,0 +1,133 @@
+"""Execution of plans in the cloth simulation, and how far the outcome is from the goal."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from emd_cell.evaluation.rivals import Problem, Rival, within_reach
+from emd_cell.evaluation.tasks import Task
+from emd_cloth_sim.cloth import Cloth
+from emd_cloth_sim.manipulate import manipulate
+from emd_cloth_sim.presets import ClothPreset
+from emd_core.errors import SimulationError
+from emd_core.frames import FloatArray
+from emd_core.manipulation import Manipulation
+from emd_core.metrics import silhouette_iou, voxel_iou, voxel_mse
+from emd_core.voxel_grid import VoxelGrid
+from emd_planner.config import ReachConfig
+
+MODES = ("replan", "open")
+
+
+@dataclass(frozen=True)
+class Record:
+    """What one planner made of one task.
+
+    Attributes:
+        task: Its name.
+        group: Its group.
+        planner: The planner's name.
+        mode: `replan`: planned anew after every executed step (the paper's procedure); `open`: the
+            first plan executed as a whole.
+        voxel_mse: Of the outcome with respect to the goal.
+        idle_mse: The same of doing nothing.
+        voxel_iou: Intersection over union of the occupied voxels.
+        silhouette_iou: The same of the occupied columns.
+        vertex_mm: Mean distance of corresponding vertices, millimetres.
+        plan_ms: Time of the first plan, milliseconds.
+        executable: Whether all executed manipulations were within the arms' reach unchanged.
+        failure: Why a plan or the simulation failed; empty if neither did.
+    """
+
+    task: str
+    group: str
+    planner: str
+    mode: str
+    voxel_mse: float
+    idle_mse: float
+    voxel_iou: float
+    silhouette_iou: float
+    vertex_mm: float
+    plan_ms: float
+    executable: bool
+    failure: str
+
+    def as_entry(self) -> dict[str, object]:
+        """Give it as JSON holds it."""
+        return asdict(self)
+
+
+def perform(
+    task: Task, name: str, rival: Rival, mode: str, preset: ClothPreset, seed: int
+) -> tuple[Record, FloatArray]:
+    """Let a planner do a task; gives the record and the final mid-surface (V, 3), metres."""
+    rng = np.random.default_rng([seed, *hashlib.sha256(f"{task.name}{name}".encode()).digest()])
+    cloth = Cloth.from_positions(task.start, preset.cloth)
+    goal, idle = task.grid(task.goal), task.grid(cloth.positions_in_table)
+    spacing = max(preset.cloth.spacing)
+    plan_ms, failure, executable = 0.0, "", True
+    left: tuple[Manipulation, ...] = ()
+    regions = [np.array(ReachConfig().left), np.array(ReachConfig().right)]
+    for step in range(task.steps):
+        if mode == "replan" or step == 0:
+            problem = Problem(
+                task.grid(cloth.positions_in_table),
+                goal,
+                task.steps - step,
+                task.recorded[step:],
+                spacing,
+                rng,
+            )
+            proposal = rival.propose(problem)
+            left = proposal.manipulations
+            plan_ms = proposal.planning_ms if step == 0 else plan_ms
+            failure = failure or proposal.failure
+        if not left:
+            break
+        manipulation, left = unwrapped(left[0], cloth, task), left[1:]
+        executable = executable and within_reach(manipulation, regions)
+        try:
+            failure = failure or manipulate(cloth, manipulation, preset.path).diagnostics.failure
+        except SimulationError as err:
+            failure = failure or str(err)
+            break
+    outcome = cloth.positions_in_table
+    grid = task.grid(outcome)
+    if name == "empty":
+        grid = VoxelGrid(np.zeros_like(grid.occupancy), grid.field_of_view)
+    record = Record(
+        task=task.name,
+        group=task.group,
+        planner=name,
+        mode=mode,
+        voxel_mse=voxel_mse(grid, goal),
+        idle_mse=voxel_mse(idle, goal),
+        voxel_iou=voxel_iou(grid, goal),
+        silhouette_iou=silhouette_iou(grid, goal),
+        vertex_mm=1e3 * float(np.linalg.norm(outcome - task.goal, axis=1).mean()),
+        plan_ms=plan_ms,
+        executable=executable,
+        failure=failure,
+    )
+    return record, outcome
+
+
+def unwrapped(manipulation: Manipulation, cloth: Cloth, task: Task) -> Manipulation:
+    """Move grasp points by whole fields of view to where the cloth is.
+
+    Grids wrap: cloth beyond one edge is seen, and grasped by the plan, at the opposite one.
+    """
+    extent = 2.0 * task.field_of_view.half_extent
+    shifts = extent * np.array([[i, j] for i in (0, -1, 1) for j in (0, -1, 1)], dtype=float)
+    positions = cloth.positions_in_table[:, :2]
+    points = manipulation.grasp_points_in_table.copy()
+    for hand in np.flatnonzero(manipulation.used):
+        places = points[hand] + shifts
+        distances = np.linalg.norm(places[:, None] - positions, axis=2).min(axis=1)
+        # As it is, unless the cloth is clearly elsewhere.
+        distances[0] -= 1e-9
+        points[hand] = places[int(distances.argmin())]
+    return Manipulation(points, manipulation.displacement_in_table)

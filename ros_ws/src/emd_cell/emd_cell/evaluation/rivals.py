@@ -1,0 +1,195 @@
+"""The planners that are compared, trivial ones among them."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from emd_core.errors import InvalidInputError, NoPlanError
+from emd_core.frames import FloatArray
+from emd_core.manipulation import Manipulation
+from emd_core.voxel_grid import VoxelGrid
+from emd_planner.config import PLANNERS, PlannerConfig, ReachConfig
+from emd_planner.emd_net import EmdNet
+from emd_planner.plan import plan
+from emd_planner.weights import load_net
+
+TRIVIAL = ("nothing", "empty", "random", "oracle", "oracle_perturbed")
+LONGEST_MOVE = 1.4  # normalised, of the authors' generator
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What a planner is told.
+
+    Attributes:
+        present: The cloth as it lies.
+        goal: As it shall lie.
+        steps: Manipulations that are left.
+        recorded: Those that made the goal from where the task began; for the oracles only.
+        spacing: Of the cloth's vertices, metres; for the perturbed oracle.
+        rng: Of this task.
+    """
+
+    present: VoxelGrid
+    goal: VoxelGrid
+    steps: int
+    recorded: tuple[Manipulation, ...]
+    spacing: float
+    rng: np.random.Generator
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """What a planner answers.
+
+    Attributes:
+        manipulations: In order; none: leave the cloth as it is.
+        planning_ms: Time that it took.
+        failure: Why there is no plan; empty if there is one.
+    """
+
+    manipulations: tuple[Manipulation, ...]
+    planning_ms: float = 0.0
+    failure: str = ""
+
+
+class Rival(ABC):
+    """A planner under comparison."""
+
+    @abstractmethod
+    def propose(self, problem: Problem) -> Proposal:
+        """Plan the manipulations that are left."""
+
+
+class Idle(Rival):
+    """Does nothing; also stands for an empty grid, which is what is scored then."""
+
+    def propose(self, problem: Problem) -> Proposal:
+        """Leave the cloth as it is."""
+        return Proposal(())
+
+
+class RandomHands(Rival):
+    """Random manipulations by the rule of the authors' generator, on what is seen."""
+
+    def propose(self, problem: Problem) -> Proposal:
+        """Draw all steps on the present silhouette."""
+        return Proposal(tuple(self._draw(problem) for _ in range(problem.steps)))
+
+    @staticmethod
+    def _draw(problem: Problem) -> Manipulation:
+        fov, rng = problem.present.field_of_view, problem.rng
+        columns = np.argwhere(problem.present.silhouette)
+        chosen = columns[rng.integers(len(columns), size=2)] + rng.random((2, 2))
+        points = fov.table_from_normalised(2.0 * chosen / np.array(fov.size[:2]) - 1.0)
+        if rng.random() < 0.5:
+            points[rng.integers(2)] = np.nan
+        length = fov.table_from_normalised(rng.uniform(0.0, LONGEST_MOVE))
+        angle = rng.uniform(0.0, 2.0 * np.pi)
+        return Manipulation(points, length * np.array([np.cos(angle), np.sin(angle)]))
+
+
+class Oracle(Rival):
+    """Performs the recorded manipulations again, grasping `offset` vertices beside."""
+
+    def __init__(self, offset: float = 0.0) -> None:
+        """Say how far beside the recorded grasps to grasp, in vertex spacings."""
+        self._offset = offset
+
+    def propose(self, problem: Problem) -> Proposal:
+        """Give the recorded manipulations that are left."""
+        return Proposal(tuple(self._beside(m, problem) for m in problem.recorded))
+
+    def _beside(self, recorded: Manipulation, problem: Problem) -> Manipulation:
+        angle = problem.rng.uniform(0.0, 2.0 * np.pi)
+        way = self._offset * problem.spacing * np.array([np.cos(angle), np.sin(angle)])
+        return Manipulation(recorded.grasp_points_in_table + way, recorded.displacement_in_table)
+
+
+class NetPlanner(Rival):
+    """The EMD net's search."""
+
+    def __init__(self, net: EmdNet, config: PlannerConfig, reach: ReachConfig | None) -> None:
+        """Search with a net; points must be in reach if a reach is given."""
+        self._net, self._config, self._reach = net, config, reach
+
+    def propose(self, problem: Problem) -> Proposal:
+        """Plan all steps that are left."""
+        started = time.perf_counter()
+        try:
+            found = plan(
+                self._net,
+                problem.present,
+                problem.goal,
+                problem.steps,
+                self._config,
+                self._reach,
+                int(problem.rng.integers(2**31)),
+            )
+        except NoPlanError as err:
+            return Proposal((), 1e3 * (time.perf_counter() - started), str(err))
+        return Proposal(tuple(found.manipulations), 1e3 * (time.perf_counter() - started))
+
+
+def make_rivals(
+    names: tuple[str, ...], weights: Path | None, reach: ReachConfig | None
+) -> dict[str, Rival]:
+    """Make planners by name.
+
+    Args:
+        names: Of `TRIVIAL` or `emd_planner.config.PLANNERS`.
+        weights: Of the net; the shipped ones if None.
+        reach: Where hands may go, for the planners that heed it; None: anywhere.
+
+    Raises:
+        InvalidInputError: If a name is unknown.
+        ModelError: If the weights cannot be used.
+    """
+    known = (*TRIVIAL, *PLANNERS)
+    unknown = sorted(set(names) - set(known))
+    if unknown:
+        raise InvalidInputError(f"planners must be of {', '.join(known)}, got {unknown}")
+    net = load_net(weights) if set(names) & set(PLANNERS) else None
+    rivals: dict[str, Rival] = {}
+    for name in names:
+        if name in PLANNERS:
+            assert net is not None
+            rivals[name] = NetPlanner(net, PLANNERS[name], reach)
+        elif name == "random":
+            rivals[name] = RandomHands()
+        elif name in ("oracle", "oracle_perturbed"):
+            rivals[name] = Oracle(1.0 if name == "oracle_perturbed" else 0.0)
+        else:
+            rivals[name] = Idle()
+    return rivals
+
+
+def within_reach(manipulation: Manipulation, regions: list[FloatArray]) -> bool:
+    """Whether some arm reaches each grasp and its release, no arm both hands; see `ReachConfig`.
+
+    Args:
+        manipulation: In the table frame.
+        regions: Convex corners of each arm's region, (N, 2), metres.
+    """
+    used = np.flatnonzero(manipulation.used)
+    points = np.stack(
+        [manipulation.grasp_points_in_table[used], manipulation.release_points_in_table[used]]
+    )
+    reached = [
+        [_inside(points[:, hand], region) for region in regions] for hand in range(len(used))
+    ]
+    if len(used) == 1:
+        return any(reached[0])
+    return (reached[0][0] and reached[1][1]) or (reached[0][1] and reached[1][0])
+
+
+def _inside(points: FloatArray, corners: FloatArray) -> bool:
+    edges = np.roll(corners, -1, axis=0) - corners
+    relative = points[:, None] - corners
+    turns = edges[:, 0] * relative[..., 1] - edges[:, 1] * relative[..., 0]
+    return bool(((turns >= 0).all(axis=1) | (turns <= 0).all(axis=1)).all())

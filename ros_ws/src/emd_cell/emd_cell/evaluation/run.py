@@ -1,0 +1,190 @@
+"""Evaluations on all cores, which can be killed and gone on with."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import multiprocessing
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from emd_cell.evaluation.execution import MODES, Record, perform
+from emd_cell.evaluation.rivals import TRIVIAL, Rival, make_rivals
+from emd_cell.evaluation.tasks import Task
+from emd_cloth_sim.presets import ClothPreset
+from emd_core.errors import InvalidInputError
+from emd_core.frames import FloatArray
+from emd_planner.config import PLANNERS, ReachConfig
+from emd_planner.weights import SHIPPED_WEIGHTS
+
+Job = tuple[Task, str, str]
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What is evaluated.
+
+    Attributes:
+        tasks: What the planners are to do.
+        planners: Their names; see `make_rivals`.
+        mode: Of `MODES`; the trivial ones are the same in both.
+        preset: The cloth that executes, and its hands' path.
+        weights: Of the net; the shipped ones if None.
+        reach: Where hands may go; None: anywhere.
+        seed: Of all random numbers.
+    """
+
+    tasks: list[Task]
+    planners: tuple[str, ...]
+    mode: str
+    preset: ClothPreset
+    weights: Path | None = None
+    reach: ReachConfig | None = None
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Check mode and planners.
+
+        Raises:
+            InvalidInputError: If one is unknown.
+        """
+        if self.mode not in MODES:
+            raise InvalidInputError(f"mode must be one of {', '.join(MODES)}, got {self.mode!r}")
+        unknown = sorted(set(self.planners) - {*TRIVIAL, *PLANNERS})
+        if unknown or not self.planners:
+            raise InvalidInputError(
+                f"planners must be of {', '.join((*TRIVIAL, *PLANNERS))}, got {unknown}"
+            )
+
+    @property
+    def jobs(self) -> list[Job]:
+        """All that is to be done."""
+        return [(task, name, self.mode) for task in self.tasks for name in self.planners]
+
+    @property
+    def identity(self) -> str:
+        """Hash of all that a record depends on but task and planner."""
+        weights = self.weights or SHIPPED_WEIGHTS
+        digest = hashlib.sha256(weights.read_bytes() if weights.exists() else b"")
+        content = [asdict(self.preset), self.seed, self.mode, self.reach and asdict(self.reach)]
+        content.append(
+            {name: asdict(PLANNERS[name]) for name in self.planners if name in PLANNERS}
+        )
+        digest.update(json.dumps(content, sort_keys=True).encode())
+        for task in self.tasks:
+            digest.update(task.name.encode() + task.start.tobytes() + task.goal.tobytes())
+        return digest.hexdigest()
+
+
+def evaluate(
+    evaluation: Evaluation,
+    journal: Path,
+    workers: int = 1,
+    on_progress: Callable[[int, int], None] | None = None,
+) -> list[Record]:
+    """Let every planner do every task; the records come in the order of the jobs.
+
+    Args:
+        evaluation: What is to be done.
+        journal: File that keeps every record as soon as it is there. With an existing one of the
+            same evaluation, what it holds is not done again.
+        workers: Processes, one core each.
+        on_progress: Told how many records are there, of how many.
+
+    Raises:
+        InvalidInputError: If the journal is another evaluation's, or a worker count is not
+            positive.
+        ModelError: If the weights cannot be used.
+    """
+    if workers < 1:
+        raise InvalidInputError(f"workers must be at least 1, got {workers}")
+    jobs = evaluation.jobs
+    known = _read_journal(journal, evaluation.identity)
+    missing = [job for job in jobs if (job[0].name, job[1]) not in known]
+    journal.parent.mkdir(parents=True, exist_ok=True)
+    with journal.open("a") as file:
+        if journal.stat().st_size == 0:
+            file.write(json.dumps({"identity": evaluation.identity}) + "\n")
+        for record in _perform_all(evaluation, missing, workers):
+            file.write(json.dumps(record.as_entry()) + "\n")
+            file.flush()
+            known[record.task, record.planner] = record
+            if on_progress is not None:
+                on_progress(len(known), len(jobs))
+    return [known[task.name, name] for task, name, _ in jobs]
+
+
+def final_state(evaluation: Evaluation, record: Record) -> FloatArray:
+    """Do a record's task again, for its picture; gives the final mid-surface (V, 3), metres."""
+    task = next(task for task in evaluation.tasks if task.name == record.task)
+    rivals = make_rivals((record.planner,), evaluation.weights, evaluation.reach)
+    return perform(
+        task,
+        record.planner,
+        rivals[record.planner],
+        record.mode,
+        evaluation.preset,
+        evaluation.seed,
+    )[1]
+
+
+def _read_journal(journal: Path, identity: str) -> dict[tuple[str, str], Record]:
+    """Read the records of an interrupted evaluation; a last line that was cut off is dropped."""
+    if not journal.exists() or journal.stat().st_size == 0:
+        return {}
+    text = journal.read_text()
+    whole = text[: text.rfind("\n") + 1]
+    if whole != text:
+        journal.write_text(whole)
+    lines = [json.loads(line) for line in whole.splitlines()]
+    if not lines:
+        return {}
+    if lines[0].get("identity") != identity:
+        raise InvalidInputError(
+            f"{journal} is of another evaluation (other tasks, planners, weights or cloth); "
+            "choose another output or delete it"
+        )
+    records = [Record(**line) for line in lines[1:]]
+    return {(record.task, record.planner): record for record in records}
+
+
+def _perform_all(evaluation: Evaluation, jobs: list[Job], workers: int) -> Iterator[Record]:
+    shared: dict[str, Any] = {
+        "planners": evaluation.planners,
+        "weights": evaluation.weights,
+        "reach": evaluation.reach,
+        "preset": evaluation.preset,
+        "seed": evaluation.seed,
+    }
+    if workers == 1:
+        rivals = make_rivals(evaluation.planners, evaluation.weights, evaluation.reach)
+        for task, name, mode in jobs:
+            yield perform(task, name, rivals[name], mode, evaluation.preset, evaluation.seed)[0]
+        return
+    # A spawned worker loads the kernels itself; forking after numba has started is not safe.
+    with multiprocessing.get_context("spawn").Pool(workers, _start, (shared,)) as pool:
+        yield from pool.imap_unordered(_work, jobs)
+
+
+_rivals: dict[str, Rival] = {}
+_preset: ClothPreset
+_seed: int
+
+
+def _start(shared: dict[str, Any]) -> None:
+    """Make the planners once in each worker, on one core."""
+    global _preset, _seed
+    torch.set_num_threads(1)
+    _rivals.update(make_rivals(shared["planners"], shared["weights"], shared["reach"]))
+    _preset, _seed = shared["preset"], shared["seed"]
+
+
+def _work(job: Job) -> Record:
+    task, name, mode = job
+    np.seterr(all="ignore")
+    return perform(task, name, _rivals[name], mode, _preset, _seed)[0]
