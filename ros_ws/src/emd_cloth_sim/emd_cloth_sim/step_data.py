@@ -34,7 +34,7 @@ CONTACT_MARGIN = 0.002
 UNSEEN_WAY = 0.3
 # Share of the thickness at which watched edges push each other apart.
 EDGE_THICKNESS = 0.5
-MAX_EDGE_PAIRS = 2048
+MAX_EDGE_PAIRS = 8192
 # Explicit hinges: the square of their fastest swing's frequency in units of rigidity over mass and
 # squared spacing (a chequered sheet's), and the phase that may pass between two evaluations.
 HINGE_STIFFENING = 32.0
