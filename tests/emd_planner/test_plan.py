@@ -105,6 +105,42 @@ def test_hand_off_the_cloth_is_unused(patch_at):
     assert any(sum(row) == 1 for row in used)
 
 
+def test_grasps_beside_the_cloth_are_moved_onto_it(patch_at):
+    """What grasps within the tolerance of the silhouette grasps on it, if that is asked for."""
+    initial, beside = patch_at(0.0, 0.0), []
+    for grasp_on_cloth in (False, True):
+        for seed in range(6):
+            config = replace(
+                PAPER,
+                max_iterations=1,
+                start_on_cloth=False,
+                grasp_tolerance_voxels=16,
+                grasp_on_cloth=grasp_on_cloth,
+            )
+            found = plan(CarriedPatch(), initial, patch_at(0.4, 0.1), 1, config, seed=seed)
+            manipulation = found.manipulations[0]
+            points = manipulation.grasp_points_in_table[np.array(manipulation.used)]
+            columns = np.floor((points / FOV.half_extent + 1.0) * 16).astype(int)
+            on_cloth = initial.silhouette[tuple(columns.T)].all()
+            assert on_cloth or not grasp_on_cloth
+            beside.append(not on_cloth)
+    assert any(beside)
+
+
+def test_a_search_in_bfloat16_finds_what_one_in_float32_finds(patch_at, small_config):
+    """The plan's predictions are those of the net itself, and the search is as good."""
+    config = dataclasses.replace(small_config, convolution_init=0.3, manipulation_init=0.1)
+    net, losses = EmdNet(config).requires_grad_(False), []
+    for bfloat16 in (False, True):
+        planner = PlannerConfig(
+            restarts=4, max_iterations=15, grasp_tolerance_voxels=16, bfloat16=bfloat16
+        )
+        found = plan(net, patch_at(0.0, 0.0), patch_at(0.3, 0.0), 1, planner)
+        losses.append(found.predicted_loss)
+    assert losses[1] == pytest.approx(losses[0], rel=0.05)
+    assert {p.dtype for p in net.parameters()} == {torch.float32}
+
+
 def test_number_of_steps_is_chosen_when_left_open(patch_at):
     """One step suffices for what one displacement can do, though three could as well."""
     config = replace(PAPER, restarts=6, max_iterations=100, max_steps=2, step_margin=0.5)

@@ -55,6 +55,23 @@ def test_values_stay_in_range_even_if_the_optimum_lies_outside():
     torch.testing.assert_close(result.values, torch.ones_like(result.values))
 
 
+def test_culling_keeps_the_best_restarts_only():
+    """After an iteration of the schedule no more than so many restarts run, and the best do."""
+    running = []
+
+    def predict(values):
+        running.append(len(values))
+        return values
+
+    config = PlannerConfig(culling=((5, 4), (8, 1)), min_improvement=-math.inf, patience=1000)
+    culled = search(predict, _bumpy, _starts(), config)
+    assert running[:5] == [10] * 5 and running[5:8] == [4] * 3 and set(running[8:]) == {1}
+    leading = search(
+        lambda values: values, _bumpy, _starts(), PlannerConfig(max_iterations=5, patience=1000)
+    )
+    assert culled.costs[0] <= leading.costs[0] and len(culled.costs) == 10
+
+
 def test_search_ends_after_25_iterations_without_improvement():
     """A flat cost ends after the first iteration and the patience, others after at most 100."""
 

@@ -176,6 +176,7 @@ class PlannerConfig:
     Attributes:
         restarts: Searches run side by side from different random starts; 10 in the paper.
         max_iterations: Most iterations of a search; 100 in the paper.
+        culling: Pairs (i, k): after iteration i only the k best restarts go on (ours).
         patience: Iterations without improvement after which a search stops; 25 in the paper.
         eta_plus: Growth of a step whose gradient keeps its sign; 2.0 in the paper.
         eta_minus: Shrinkage of a step whose gradient changed sign; 0.33 in the paper.
@@ -187,6 +188,9 @@ class PlannerConfig:
             1; its authors' public generator moves by up to 1.4, the cloth's side, and a half fold
             in one step needs that.
         time_budget: Seconds after which the best plan so far is taken; infinite: none.
+        bfloat16: Search in bfloat16 where the processor multiplies it; gradients lose digits, of
+            which iRprop- needs the signs only (ours).
+        grasp_on_cloth: Move the grasp points of the first step onto the cloth that is seen (ours).
         start_on_cloth: Start the grasp points on the cloth (ours); else anywhere in [-1, 1], as
             the paper's "random initialisation" may be read. Off the cloth the net learned that
             nothing happens, so that there is no gradient to follow.
@@ -202,6 +206,7 @@ class PlannerConfig:
 
     restarts: int = 10
     max_iterations: int = 100
+    culling: tuple[tuple[int, int], ...] = ()
     patience: int = 25
     eta_plus: float = 2.0
     eta_minus: float = 0.33
@@ -211,6 +216,8 @@ class PlannerConfig:
     min_improvement: float = 1e-6
     max_displacement: float = 1.4
     time_budget: float = math.inf
+    bfloat16: bool = False
+    grasp_on_cloth: bool = False
     start_on_cloth: bool = True
     max_steps: int = 3
     step_margin: float = 0.1
@@ -224,7 +231,9 @@ class PlannerConfig:
 # and lets no step go by without a grasp.
 PLANNERS: dict[str, PlannerConfig] = {
     "paper": PlannerConfig(max_displacement=1.0, start_on_cloth=False, grasp_weight=0.0),
-    "ours": PlannerConfig(restarts=24),
+    "ours": PlannerConfig(
+        restarts=24, culling=((10, 8), (30, 3)), bfloat16=True, grasp_on_cloth=True
+    ),
 }
 
 

@@ -27,8 +27,9 @@ from emd_planner.cost import (
 from emd_planner.emd_net import EmdNet
 from emd_planner.losses import state_loss
 from emd_planner.planner import SearchProgress, SearchResult, random_values, search
+from emd_planner.planning_net import in_bfloat16
 from emd_planner.reach import ReachLoss
-from emd_planner.silhouette import silhouettes
+from emd_planner.silhouette import onto_silhouette, silhouettes
 
 
 @dataclass(frozen=True)
@@ -149,6 +150,7 @@ class _Planner:
         should_stop: Callable[[], bool] | None,
     ) -> None:
         self.net, self.config = net, config
+        self.fast_net = in_bfloat16(net) if config.bfloat16 else net
         self.field_of_view = initial.field_of_view
         self.on_iteration, self.should_stop = on_iteration, should_stop
         self.device = next(net.parameters()).device
@@ -225,12 +227,12 @@ class _Planner:
 
     def _predict(self, values: Tensor) -> Tensor:
         """Predict states (A, n, X, Y, Z), those before the last without gradients."""
-        codes = self.net.roll_out(self.code.expand(len(values), -1), values)
-        last = self.net.decode(codes[-1])[:, None]
+        codes = self.fast_net.roll_out(self.code.expand(len(values), -1), values)
+        last = self.fast_net.decode(codes[-1])[:, None]
         if len(codes) == 1:
             return last
         with torch.no_grad():
-            before = self.net.decode(torch.cat(codes[:-1]))
+            before = self.fast_net.decode(torch.cat(codes[:-1]))
         return torch.cat([before.unflatten(0, (len(codes) - 1, -1)).transpose(0, 1), last], 1)
 
     @torch.no_grad()
@@ -244,6 +246,10 @@ class _Planner:
         if not grasping.any():
             return None
         row = int(grasping.nonzero()[0])
+        if self.config.grasp_on_cloth:
+            points = found.values[row, 0, :4].view(2, 2)
+            hands = used[row, 0]
+            points[hands] = onto_silhouette(points[hands], silhouettes(self.initial))
         excess = 0.0
         if self.reach_term is not None:
             rows = slice(row, row + 1)

@@ -60,7 +60,8 @@ def search(
 ) -> SearchResult:
     """Lower the cost of all restarts side by side with iRprop- (III-C, steps 2 to 6).
 
-    A restart ends when its cost has not improved for `patience` iterations; the search ends when
+    A restart ends when its cost has not improved for `patience` iterations, or when it is not
+    among the best that `culling` lets go on; the search ends when
     all restarts have, after `max_iterations`, or when the time budget is spent. Every restart
     keeps the best values that it met, so a late overshoot costs nothing.
 
@@ -103,6 +104,7 @@ def search(
         moved = candidate + optimiser.move(gradient.nan_to_num(), rows)
         values[rows] = moved.clamp(-largest, largest)
         rows = rows[stale[rows] < config.patience]
+        rows = _best_of(rows, best_costs, dict(config.culling).get(iteration, len(rows)))
         if on_iteration is not None:
             best = int(best_costs.argmin())
             on_iteration(
@@ -112,6 +114,13 @@ def search(
             )
     order = best_costs.argsort()
     return SearchResult(best_values[order], best_costs[order], iteration)
+
+
+def _best_of(rows: Tensor, costs: Tensor, count: int) -> Tensor:
+    """Keep the `count` rows of lowest cost, in their order."""
+    if count >= len(rows):
+        return rows
+    return rows[costs[rows].argsort(stable=True)[:count]].sort().values
 
 
 def random_values(

@@ -19,6 +19,28 @@ def dilate(silhouette: Tensor, voxels: int) -> Tensor:
     return wide
 
 
+def onto_silhouette(points: Tensor, silhouette: Tensor) -> Tensor:
+    """Move points that lie beside a silhouette to the middle of its nearest column.
+
+    Args:
+        points: Normalised, shape (P, 2).
+        silhouette: Boolean, shape (X, Y), X = Y.
+
+    Returns:
+        Shape (P, 2); points on the silhouette stay, and all do if it is empty.
+    """
+    count = silhouette.shape[-1]
+    columns = columns_of(points, count)
+    inside = silhouette[columns[:, 0], columns[:, 1]]
+    centres = (silhouette.nonzero() + 0.5) * (2.0 / count) - 1.0
+    if not len(centres):
+        return points
+    ways = (centres - points[:, None] + 1.0) % 2.0 - 1.0
+    nearest = ways.square().sum(-1).argmin(1)
+    moved = centres[nearest]
+    return torch.where(inside[:, None], points, moved)
+
+
 def columns_of(points: Tensor, count: int) -> Tensor:
     """Give the wrapped column indices, shape (..., 2), of normalised points (..., 2)."""
     return ((points + 1.0) * (count / 2.0)).floor().long() % count
