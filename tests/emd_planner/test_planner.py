@@ -55,21 +55,21 @@ def test_values_stay_in_range_even_if_the_optimum_lies_outside():
     torch.testing.assert_close(result.values, torch.ones_like(result.values))
 
 
-def test_culling_keeps_the_best_restarts_only():
-    """After an iteration of the schedule no more than so many restarts run, and the best do."""
+def test_halving_keeps_the_best_restarts_only():
+    """Every few iterations the worse half of the restarts ends, and the best one goes on."""
     running = []
 
     def predict(values):
         running.append(len(values))
         return values
 
-    config = PlannerConfig(culling=((5, 4), (8, 1)), min_improvement=-math.inf, patience=1000)
-    culled = search(predict, _bumpy, _starts(), config)
-    assert running[:5] == [10] * 5 and running[5:8] == [4] * 3 and set(running[8:]) == {1}
+    config = PlannerConfig(halve_every=5, min_improvement=-math.inf, patience=1000)
+    halved = search(predict, _bumpy, _starts(), config)
+    assert running[::5][:6] == [10, 5, 3, 2, 1, 1] and running[4] == 10
     leading = search(
         lambda values: values, _bumpy, _starts(), PlannerConfig(max_iterations=5, patience=1000)
     )
-    assert culled.costs[0] <= leading.costs[0] and len(culled.costs) == 10
+    assert halved.costs[0] <= leading.costs[0] and len(halved.costs) == 10
 
 
 def test_search_ends_after_25_iterations_without_improvement():

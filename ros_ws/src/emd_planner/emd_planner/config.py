@@ -176,7 +176,8 @@ class PlannerConfig:
     Attributes:
         restarts: Searches run side by side from different random starts; 10 in the paper.
         max_iterations: Most iterations of a search; 100 in the paper.
-        culling: Pairs (i, k): after iteration i only the k best restarts go on (ours).
+        halve_every: Iterations after which the worse half of the restarts ends, again and again;
+            0: never (ours, successive halving).
         patience: Iterations without improvement after which a search stops; 25 in the paper.
         eta_plus: Growth of a step whose gradient keeps its sign; 2.0 in the paper.
         eta_minus: Shrinkage of a step whose gradient changed sign; 0.33 in the paper.
@@ -206,7 +207,7 @@ class PlannerConfig:
 
     restarts: int = 10
     max_iterations: int = 100
-    culling: tuple[tuple[int, int], ...] = ()
+    halve_every: int = 0
     patience: int = 25
     eta_plus: float = 2.0
     eta_minus: float = 0.33
@@ -231,9 +232,7 @@ class PlannerConfig:
 # and lets no step go by without a grasp.
 PLANNERS: dict[str, PlannerConfig] = {
     "paper": PlannerConfig(max_displacement=1.0, start_on_cloth=False, grasp_weight=0.0),
-    "ours": PlannerConfig(
-        restarts=24, culling=((10, 8), (30, 3)), bfloat16=True, grasp_on_cloth=True
-    ),
+    "ours": PlannerConfig(restarts=24, halve_every=10, bfloat16=True, grasp_on_cloth=True),
 }
 
 

@@ -60,8 +60,8 @@ def search(
 ) -> SearchResult:
     """Lower the cost of all restarts side by side with iRprop- (III-C, steps 2 to 6).
 
-    A restart ends when its cost has not improved for `patience` iterations, or when it is not
-    among the best that `culling` lets go on; the search ends when
+    A restart ends when its cost has not improved for `patience` iterations, or when it is
+    not in the better half (`halve_every`); the search ends when
     all restarts have, after `max_iterations`, or when the time budget is spent. Every restart
     keeps the best values that it met, so a late overshoot costs nothing.
 
@@ -104,7 +104,8 @@ def search(
         moved = candidate + optimiser.move(gradient.nan_to_num(), rows)
         values[rows] = moved.clamp(-largest, largest)
         rows = rows[stale[rows] < config.patience]
-        rows = _best_of(rows, best_costs, dict(config.culling).get(iteration, len(rows)))
+        if config.halve_every and iteration % config.halve_every == 0:
+            rows = _better_half(rows, best_costs)
         if on_iteration is not None:
             best = int(best_costs.argmin())
             on_iteration(
@@ -116,11 +117,9 @@ def search(
     return SearchResult(best_values[order], best_costs[order], iteration)
 
 
-def _best_of(rows: Tensor, costs: Tensor, count: int) -> Tensor:
-    """Keep the `count` rows of lowest cost, in their order."""
-    if count >= len(rows):
-        return rows
-    return rows[costs[rows].argsort(stable=True)[:count]].sort().values
+def _better_half(rows: Tensor, costs: Tensor) -> Tensor:
+    """Keep the half of the rows with the lowest costs, one at least, in their order."""
+    return rows[costs[rows].argsort(stable=True)[: (len(rows) + 1) // 2]].sort().values
 
 
 def random_values(

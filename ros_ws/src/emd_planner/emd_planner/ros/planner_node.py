@@ -22,7 +22,7 @@ from emd_core.voxel_grid import VoxelGrid
 from emd_msgs_py.action import PlanFold
 from emd_msgs_py.msg import VoxelGrid as VoxelGridMsg
 from emd_msgs_py.srv import PlanFold as PlanFoldService
-from emd_planner.config import PlannerConfig, Polygon, ReachConfig
+from emd_planner.config import PLANNERS, Polygon, ReachConfig
 from emd_planner.device import resolve_device
 from emd_planner.plan import FoldPlan, PlanningProgress, plan
 from emd_planner.ros.plan_messages import plan_to_message, progress_to_feedback
@@ -39,7 +39,7 @@ class PlannerNode(Node):
             InvalidInputError: If a parameter is out of range.
         """
         super().__init__("planner")
-        self._config = declare_config(self, PlannerConfig(), "search.")
+        self._config = declare_config(self, PLANNERS["ours"], "search.")
         self._reach = self._declare_reach()
         device = resolve_device(self.declare_parameter("device", "auto").value)
         self._net = ServedNet(self, device)
