@@ -1,5 +1,6 @@
 """Claims about the hands' path of the authors' generator."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -46,6 +47,7 @@ def test_path_ends_where_the_reference_hand_ended() -> None:
         {"hand_speed": 0.0},
         {"sink": 1.5},
         {"frames_after": -1},
+        {"frames_more": -1},
         {"frame": float("nan")},
     ],
 )
@@ -70,3 +72,15 @@ def test_a_jump_of_the_hand_tears_nothing() -> None:
     jump = 0.03125 * chosen.path.half_extent**2 / 0.015
     assert outcome.carry_time > jump / chosen.path.hand_speed > 5 * chosen.path.frame
     assert outcome.diagnostics.failure == ""
+
+
+def test_a_cloth_that_is_stretched_too_far_gets_more_time() -> None:
+    """Beyond its frames the reference's path waits for strain to go, up to a bound."""
+    chosen = preset("reference", (21, 21))
+    manipulation = Manipulation(np.array([[0.15, 0.15], [np.nan, np.nan]]), np.array([-0.2, 0.0]))
+    usual = manipulate(Cloth(chosen.cloth), manipulation, chosen.path)
+    strict = Cloth(replace(chosen.cloth, max_stretch=1e-6))
+    more = manipulate(strict, manipulation, chosen.path)
+    assert usual.settle_time == pytest.approx(chosen.path.frames_after * chosen.path.frame)
+    frames = chosen.path.frames_after + chosen.path.frames_more
+    assert more.settle_time == pytest.approx(frames * chosen.path.frame)

@@ -40,11 +40,16 @@ class ClothDiagnostics:
     max_desk_depth: float
 
     @property
+    def stretched(self) -> bool:
+        """Whether the cloth is stretched farther than can be believed."""
+        return self.stretch_p99 > 1.0 + self.max_stretch
+
+    @property
     def failure(self) -> str:
         """What makes the state unusable; empty if nothing does."""
         if not self.finite:
             return "a vertex has no finite position"
-        if self.stretch_p99 > 1.0 + self.max_stretch:
+        if self.stretched:
             return f"stretch p99 {self.stretch_p99:.3f} is above {1.0 + self.max_stretch:.3f}"
         if self.crossings > 0:
             return f"the cloth passes through itself at {self.crossings} places"

@@ -2,7 +2,8 @@
 
 Vertices that keep away from triangles leave holes where two sharp folds meet edge to edge. Such
 pairs are few, so they are not searched for: whenever a crossing has been undone, its edges are
-watched from then on and pushed apart (Bridson et al., 2002), until they have parted.
+watched for a while and pushed apart (Bridson et al., 2002). Watched for ever, the edges of a pile
+would lock each other.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ ZERO, ONE = np.float32(0.0), np.float32(1.0)
 LONGEST_PUSH = np.float32(0.3)
 # Distance at which a pair is no longer watched, in thicknesses of edges.
 PARTED = np.float32(3.0)
+# Looks for crossings for which a pair is watched.
+OLD = 4
 
 
 class EdgePairs(NamedTuple):
@@ -30,18 +33,23 @@ class EdgePairs(NamedTuple):
     Attributes:
         ends: Vertices of the one and of the other edge, shape (M, 4).
         side: On which side of the other edge the one is, 1 or -1, shape (M,).
+        age: Looks for crossings since the pair's last one, shape (M,).
         length: How many pairs there are, shape (1,).
     """
 
     ends: IndexArray
     side: NDArray[np.float32]
+    age: NDArray[np.int32]
     length: NDArray[np.int64]
 
 
 def allocate_edge_pairs(size: int) -> EdgePairs:
     """Make an empty list with room for `size` pairs."""
     return EdgePairs(
-        np.empty((size, 4), np.int32), np.empty(size, np.float32), np.zeros(1, np.int64)
+        np.empty((size, 4), np.int32),
+        np.empty(size, np.float32),
+        np.empty(size, np.int32),
+        np.zeros(1, np.int64),
     )
 
 
@@ -60,35 +68,38 @@ def watch_edges(
 def _watch(
     position: NDArray[np.float32], p: int, q: int, u: int, w: int, pairs: EdgePairs
 ) -> None:
-    ends, side, count = pairs
+    ends, side, age, count = pairs
     if p == u or p == w or q == u or q == w or count[0] == ends.shape[0]:
         return
     p, q, u, w = min(p, q), max(p, q), min(u, w), max(u, w)
     for n in range(count[0]):
-        if ends[n, 0] == p and ends[n, 1] == q and ends[n, 2] == u and ends[n, 3] == w:
-            return
-        if ends[n, 0] == u and ends[n, 1] == w and ends[n, 2] == p and ends[n, 3] == q:
+        same = ends[n, 0] == p and ends[n, 1] == q and ends[n, 2] == u and ends[n, 3] == w
+        swapped = ends[n, 0] == u and ends[n, 1] == w and ends[n, 2] == p and ends[n, 3] == q
+        if same or swapped:
+            age[n] = 0
             return
     height = height_over_edge(position, p, q, u, w)[0]
     n = count[0]
     ends[n, 0], ends[n, 1], ends[n, 2], ends[n, 3] = p, q, u, w
     side[n] = ONE if height >= ZERO else -ONE
+    age[n] = 0
     count[0] += 1
 
 
 @njit(**FAST)
 def forget_parted(position: NDArray[np.float32], pairs: EdgePairs, thickness: Single) -> None:
-    """Drop the pairs that are far from each other."""
-    ends, side, count = pairs
+    """Drop the pairs that are far from each other, and those that have not crossed for long."""
+    ends, side, age, count = pairs
     kept = 0
     for n in range(count[0]):
         _, _, x, y, z, _ = closest_on_segments(
             position, ends[n, 0], ends[n, 1], ends[n, 2], ends[n, 3]
         )
-        if math.sqrt(x * x + y * y + z * z) < PARTED * thickness:
+        age[n] += 1
+        if age[n] < OLD and math.sqrt(x * x + y * y + z * z) < PARTED * thickness:
             for k in range(4):
                 ends[kept, k] = ends[n, k]
-            side[kept] = side[n]
+            side[kept], age[kept] = side[n], age[n]
             kept += 1
     count[0] = kept
 
@@ -96,7 +107,7 @@ def forget_parted(position: NDArray[np.float32], pairs: EdgePairs, thickness: Si
 @njit(**FAST)
 def collide_edges(position: NDArray[np.float32], pairs: EdgePairs, thickness: Single) -> None:
     """Push watched edges that are closer than `thickness` apart along their common normal."""
-    ends, side, count = pairs
+    ends, side, _, count = pairs
     for n in range(count[0]):
         p, q, u, w = ends[n, 0], ends[n, 1], ends[n, 2], ends[n, 3]
         height, nx, ny, nz = height_over_edge(position, p, q, u, w)

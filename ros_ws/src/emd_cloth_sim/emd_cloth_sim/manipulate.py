@@ -95,8 +95,13 @@ def _manipulate_as_reference(
         cloth.release(hand)
     for _ in range(config.frames_after):
         cloth.advance(config.frame)
-    settle_time = config.frames_after * config.frame
-    return ManipulationOutcome(held, carry_time, settle_time, cloth.settled, cloth.check())
+    frames = config.frames_after
+    while (diagnostics := cloth.check()).stretched and frames < (
+        config.frames_after + config.frames_more
+    ):
+        cloth.advance(config.frame)
+        frames += 1
+    return ManipulationOutcome(held, carry_time, frames * config.frame, cloth.settled, diagnostics)
 
 
 def _way(path: FloatArray, frame: int) -> float:

@@ -27,6 +27,8 @@ class ReferencePathConfig:
         frames_before: Frames for which the hand holds still after the grasp.
         sink: Part of `lift` by which the hand sinks in the frame before it opens.
         frames_after: Frames from the opening until the state is taken, at rest or not.
+        frames_more: Most frames that a cloth gets beyond these while it is stretched too far to be
+            believed (ours).
         hand_speed: Fastest that the hand moves, m/s: a longer way than it makes in a frame, such
             as the jump at the beginning, takes more time.
         half_extent: Metres of a normalised unit.
@@ -38,6 +40,7 @@ class ReferencePathConfig:
     frames_before: int = 0
     sink: float = 0.3
     frames_after: int = 12
+    frames_more: int = 24
     hand_speed: float = 1.5
     half_extent: float = 0.40 / 1.4
 
@@ -53,11 +56,9 @@ class ReferencePathConfig:
                 raise InvalidInputError(f"{name} must be positive and finite, got {value}")
         if not 0.0 <= self.sink <= 1.0:
             raise InvalidInputError(f"sink must be in 0..1, got {self.sink}")
-        if self.frames_before < 0 or self.frames_after < 0:
-            raise InvalidInputError(
-                "frames_before and frames_after must not be negative, got "
-                f"{self.frames_before} and {self.frames_after}"
-            )
+        for name in ("frames_before", "frames_after", "frames_more"):
+            if getattr(self, name) < 0:
+                raise InvalidInputError(f"{name} must not be negative, got {getattr(self, name)}")
 
 
 def reference_offsets(displacement: FloatArray, config: ReferencePathConfig) -> FloatArray:
