@@ -28,9 +28,6 @@ from emd_planner.plan import FoldPlan, PlanningProgress, plan
 from emd_planner.ros.plan_messages import plan_to_message, progress_to_feedback
 from emd_planner.ros.served_net import ServedNet
 
-# The executor moves grasps to the hem itself, and keeps the crease when it does.
-_SEARCH = dataclasses.replace(PLANNERS["ours"], grasp_on_cloth=False)
-
 
 class PlannerNode(Node):
     """Serves plans, one at a time."""
@@ -42,7 +39,7 @@ class PlannerNode(Node):
             InvalidInputError: If a parameter is out of range.
         """
         super().__init__("planner")
-        self._config = declare_config(self, _SEARCH, "search.")
+        self._config = declare_config(self, PLANNERS["ours"], "search.")
         self._reach = self._declare_reach()
         device = resolve_device(self.declare_parameter("device", "auto").value)
         self._net = ServedNet(self, device)
