@@ -183,6 +183,7 @@ def test_late_news_are_no_deviation(half_fold: MotionPlan, robot: RobotModel) ->
     late = MockRobot(dict(robot.description.rest), reading_age=0.2)
     late.time = 1.0
     MotionExecutor(late, robot).run(half_fold)
+    assert late.now() >= 1.0 + half_fold.duration
 
 
 def test_end_that_is_not_reached_is_noticed(

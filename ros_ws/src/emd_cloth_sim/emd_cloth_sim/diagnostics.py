@@ -42,7 +42,7 @@ class ClothDiagnostics:
     @property
     def stretched(self) -> bool:
         """Whether the cloth is stretched farther than can be believed."""
-        return self.stretch_p99 > 1.0 + self.max_stretch
+        return self.finite and self.stretch_p99 > 1.0 + self.max_stretch
 
     @property
     def failure(self) -> str:

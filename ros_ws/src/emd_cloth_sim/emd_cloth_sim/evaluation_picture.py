@@ -47,33 +47,47 @@ def examples(pairs: Sequence[Pair]) -> list[tuple[str, Pair]]:
 
 def draw_examples(pairs: Sequence[Pair], path: Path) -> None:
     """Draw the examples: before, the reference after, ours after, coloured by height."""
-    rows = examples(pairs)
-    figure, axes = plt.subplots(len(rows), 3, figsize=(8.4, 9.0))
-    for (name, pair), row in zip(rows, axes, strict=True):
-        _draw_pair(name, pair, row)
+    rows = []
+    for name, pair in examples(pairs):
+        titles = (
+            f"{name}: {Path(pair.case.file).stem}, step {pair.case.step + 1}",
+            f"reference (do nothing {pair.do_nothing.voxel_mse:.3f})",
+            f"ours: MSE {pair.figures.voxel_mse:.3f}, IoU {pair.figures.silhouette_iou:.2f}",
+        )
+        rows.append(((pair.case.before, pair.case.after, pair.outcome), titles))
+    draw_rows(rows, path, MARGIN, HIGHEST)
+
+
+def draw_rows(
+    rows: Sequence[tuple[Sequence[FloatArray], Sequence[str]]],
+    path: Path,
+    margin: float,
+    highest: float,
+) -> None:
+    """Draw square meshes from above, coloured by height, a row for each group of three.
+
+    Args:
+        rows: Three states (V, 3) of one unit and their titles.
+        path: The picture.
+        margin: Left free around a row's states, in their unit.
+        highest: Height at which the colours end.
+    """
+    figure, axes = plt.subplots(len(rows), 3, figsize=(8.4, 3.0 * len(rows)), squeeze=False)
+    for (states, titles), line in zip(rows, axes, strict=True):
+        corners = np.concatenate(states)[:, :2]
+        low, high = corners.min(axis=0) - margin, corners.max(axis=0) + margin
+        width = float((high - low).max())
+        low = 0.5 * (low + high - width)
+        for axis, state, title in zip(line, states, titles, strict=True):
+            # x runs down the picture, as the head camera sees the table.
+            image = height_image(state, low, width)
+            axis.imshow(image, cmap="viridis", vmin=0.0, vmax=highest)
+            axis.set_title(title, fontsize=8)
+            axis.set_xticks([])
+            axis.set_yticks([])
     figure.tight_layout(pad=0.6)
     try:
         with whole_file(path) as temporary:
             figure.savefig(temporary, dpi=100)
     finally:
         plt.close(figure)
-
-
-def _draw_pair(name: str, pair: Pair, row: Sequence[plt.Axes]) -> None:
-    states = (pair.case.before, pair.case.after, pair.outcome)
-    corners = np.concatenate(states)[:, :2]
-    low, high = corners.min(axis=0) - MARGIN, corners.max(axis=0) + MARGIN
-    width = float((high - low).max())
-    low = 0.5 * (low + high - width)
-    step = f"{Path(pair.case.file).stem}, step {pair.case.step + 1}"
-    titles = (
-        f"{name}: {step}",
-        f"reference (do nothing {pair.do_nothing.voxel_mse:.3f})",
-        f"ours: MSE {pair.figures.voxel_mse:.3f}, IoU {pair.figures.silhouette_iou:.2f}",
-    )
-    for axis, state, title in zip(row, states, titles, strict=True):
-        # x runs down the picture, as the head camera sees the table.
-        axis.imshow(height_image(state, low, width), cmap="viridis", vmin=0.0, vmax=HIGHEST)
-        axis.set_title(title, fontsize=8)
-        axis.set_xticks([])
-        axis.set_yticks([])

@@ -28,8 +28,9 @@ def cache_folder(package: Path, base: Path) -> Path:
 def use_own_folder() -> None:
     """Let Numba keep kernels that are imported from now on in the folder of these sources.
 
-    That is in the package's `__pycache__`, or in `NUMBA_CACHE_DIR` if it is set. Those of other
-    versions are removed. Where nothing can be written, Numba's own choice stays.
+    That is in the package's `__pycache__`, from which those of other versions are removed, or in
+    `NUMBA_CACHE_DIR` if it is set, which other checkouts may share. Where nothing can be written,
+    Numba's own choice stays.
     """
     package = Path(__file__).parent
     config: Any = numba.config
@@ -37,7 +38,7 @@ def use_own_folder() -> None:
     folder = cache_folder(package, base)
     try:
         if not folder.exists():
-            old = list(base.glob(f"{PREFIX}*"))
+            old = [] if config.CACHE_DIR else list(base.glob(f"{PREFIX}*"))
             folder.mkdir(parents=True, exist_ok=True)
             for other in old:
                 shutil.rmtree(other, ignore_errors=True)
