@@ -17,7 +17,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402  (the backend is chosen first)
 
 PIXELS = 256
-FINER = 4
+SAMPLES = 321  # a side: more than pixels, so that no mesh is too coarse for a closed surface
 MARGIN = 0.1
 HIGHEST = 0.25
 
@@ -30,8 +30,7 @@ def height_image(positions: FloatArray, low: FloatArray, width: float) -> FloatA
         low: Lowest x and y of the picture.
         width: Its extent along both.
     """
-    side = round(len(positions) ** 0.5)
-    points = resample_sheet(positions, FINER * (side - 1) + 1)
+    points = resample_sheet(positions, SAMPLES)
     pixel = np.floor((points[:, :2] - low) / width * PIXELS).astype(np.int64)
     inside = ((pixel >= 0) & (pixel < PIXELS)).all(axis=1)
     image = np.full((PIXELS, PIXELS), -np.inf)
