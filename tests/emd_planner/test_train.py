@@ -9,7 +9,14 @@ import pytest
 import torch
 
 from emd_core.errors import InvalidInputError
-from emd_planner.config import RECIPES, AugmentationConfig, EmdNetConfig, TrainingConfig
+from emd_planner.architectures import ARCHITECTURES
+from emd_planner.config import (
+    RECIPES,
+    AugmentationConfig,
+    EmdNetConfig,
+    SpatialNetConfig,
+    TrainingConfig,
+)
 from emd_planner.emd_net import EmdNet
 from emd_planner.recipe import Losses, learning_rate_share, make_recipe
 from emd_planner.sequence_files import load_sequences
@@ -184,8 +191,8 @@ def test_learning_rate_rises_and_falls():
 
 def test_command_line_trains_and_reports_errors(shard_directory, tmp_path, monkeypatch, capsys):
     """The script trains with its options, and answers bad data with an error and status 1."""
-    small = {"map_counts": (1, 2, 2, 2, 2, 2, 4), "hidden_size": 4}
-    monkeypatch.setattr("emd_planner.train.EmdNetConfig", lambda: EmdNetConfig(**small))
+    small = SpatialNetConfig(widths=(4, 4, 4), moved_width=2, coarse_blocks=1)
+    monkeypatch.setitem(ARCHITECTURES, "spatial", lambda: small)
     out = tmp_path / "out"
     options = ["--out", str(out), "--iterations", "2", "--batch-size", "4", "--device", "cpu"]
     options += ["--free-share", "0"]

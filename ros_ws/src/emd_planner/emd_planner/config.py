@@ -91,6 +91,38 @@ class EmdNetConfig:
 
 
 @dataclass(frozen=True)
+class SpatialNetConfig:
+    """Architecture of the net whose codes are maps over the desk (`SpatialEmdNet`; ours).
+
+    Attributes:
+        grid_size: Voxels along x, y and z; x and y must be multiples of 8.
+        widths: Maps at a half, a quarter and an eighth of the grid's resolution.
+        moved_width: Maps that are shifted and reflected as hands move.
+        coarse_blocks: Residual blocks at the coarsest of them.
+        output: Of the decoder: see `EmdNetConfig`.
+        output_bias: Where the decoder's last bias starts: see `EmdNetConfig`.
+    """
+
+    grid_size: tuple[int, int, int] = (32, 32, 16)
+    widths: tuple[int, int, int] = (48, 96, 160)
+    moved_width: int = 16
+    coarse_blocks: int = 2
+    output: Literal["logistic"] = "logistic"
+    output_bias: float = -3.0
+
+    def __post_init__(self) -> None:
+        """Check that the grid can be halved three times.
+
+        Raises:
+            InvalidInputError: If it cannot.
+        """
+        if any(count % 8 for count in self.grid_size[:2]):
+            raise InvalidInputError(
+                f"grid_size must be multiples of 8 along x and y, got {self.grid_size}"
+            )
+
+
+@dataclass(frozen=True)
 class AugmentationConfig:
     """Random changes to training examples that keep them true (paper, III-B).
 
@@ -176,6 +208,13 @@ class PlannerConfig:
     Attributes:
         restarts: Searches run side by side from different random starts; 10 in the paper.
         max_iterations: Most iterations of a search; 100 in the paper.
+        candidates: Random starts that are rated by one prediction each; searches run from the
+            best `restarts` of them; 0: from `restarts` random ones (ours).
+        single_handed_share: Share of the random starts' steps in which the second hand starts
+            off the cloth (ours).
+        goal_cost: "squared": loss_s of the predicted probabilities, as in the paper. "expected":
+            the mean squared error that is to be expected of the outcome if the probabilities are
+            right, mean of p (1 - g) + (1 - p) g; it also counts what the net is unsure of (ours).
         halve_every: Iterations after which the worse half of the restarts ends, again and again;
             0: never (ours, successive halving).
         patience: Iterations without improvement after which a search stops; 25 in the paper.
@@ -207,6 +246,9 @@ class PlannerConfig:
 
     restarts: int = 10
     max_iterations: int = 100
+    candidates: int = 0
+    single_handed_share: float = 0.0
+    goal_cost: Literal["squared", "expected"] = "squared"
     halve_every: int = 0
     patience: int = 25
     eta_plus: float = 2.0

@@ -30,6 +30,24 @@ def goal_term(goal: Tensor) -> Term:
     return cost
 
 
+def expected_goal_term(goal: Tensor) -> Term:
+    """Mean squared error to be expected of the outcome if the probabilities are right (ours).
+
+    A voxel that is occupied with probability p differs from the goal's g with probability
+    p (1 - g) + (1 - p) g, which is (p - g)^2 + p (1 - p): loss_s and what the net is unsure of.
+
+    Args:
+        goal: Boolean or real, shape (X, Y, Z).
+    """
+    wanted = goal.float()
+    slope, start = (1.0 - 2.0 * wanted) / wanted.numel(), wanted.mean()
+
+    def cost(states: Tensor, manipulations: Tensor) -> Tensor:
+        return (states[:, -1] * slope).flatten(1).sum(1) + start
+
+    return cost
+
+
 def reach_term(reach: ReachLoss, initial: Tensor, tolerance_voxels: int, threshold: float) -> Term:
     """Distance of grasp and release points from the arms' reach, summed over steps (V-B).
 

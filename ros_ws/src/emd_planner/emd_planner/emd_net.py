@@ -8,32 +8,27 @@ from typing import cast
 import torch
 from torch import Tensor, nn
 
-from emd_core.errors import InvalidInputError
 from emd_planner.config import Activation, EmdNetConfig
 from emd_planner.periodic_convolution import PeriodicConvolution, PeriodicTransposedConvolution
+from emd_planner.state_predictor import StatePredictor
 
 
-class EmdNet(nn.Module):
-    """Predicts the cloth's state after a sequence of manipulations.
+class EmdNet(StatePredictor):
+    """The paper's net; codes are vectors (B, C).
 
     Encoder, decoder and manipulation module are as the paper gives them (III-A, Fig. 2): the
     defaults have 19.0 million weights. The paper leaves open, and `EmdNetConfig` decides: the
-    activations (tanh), biases (yes, from 0) and the decoder's output (logistic).
+    activations (leaky rectifiers), biases (yes, from 0) and the decoder's output (logistic).
 
     "10 layers" of the manipulation module are counted like the "6 layers" of the encoder, for
     which the paper lists 7 map counts: layers of weights.
-
-    Attributes:
-        config: The architecture.
-        compute_type: Type in which layers are computed; weights are kept in float32. bfloat16 is
-            several times faster on a CPU that has instructions for it.
     """
+
+    config: EmdNetConfig
 
     def __init__(self, config: EmdNetConfig | None = None, seed: int = 0) -> None:
         """Make a net with initial weights drawn from `seed`."""
-        super().__init__()
-        self.config = config or EmdNetConfig()
-        self.compute_type = torch.float32
+        super().__init__(config or EmdNetConfig())
         self.encoder = Encoder(self.config)
         self.manipulation = ManipulationModule(self.config)
         self.decoder = Decoder(self.config)
@@ -43,91 +38,18 @@ class EmdNet(nn.Module):
         self.decoder.initialise(generator)
 
     def encode(self, grids: Tensor) -> Tensor:
-        """Compress states: E(s) (III-A).
-
-        Args:
-            grids: Shape (B, X, Y, Z) or (B, 1, X, Y, Z), boolean or real, 0 empty to 1 occupied.
-
-        Returns:
-            Codes, shape (B, C), float32.
-
-        Raises:
-            InvalidInputError: If the shape does not fit the net.
-        """
-        if grids.ndim == 5 and grids.shape[1] == 1:
-            grids = grids[:, 0]
-        if tuple(grids.shape[1:]) != self.config.grid_size:
-            raise InvalidInputError(
-                f"grids of shape (B, {', '.join(map(str, self.config.grid_size))}) were wanted, "
-                f"got {tuple(grids.shape)}; voxelise with the net's field of view"
-            )
-        return self.encoder(grids.to(self.compute_type).unsqueeze(4)).flatten(1).float()
+        """Compress states: E(s) (III-A); see `StatePredictor.encode`."""
+        maps = self.checked(grids).to(self.compute_type).unsqueeze(4)
+        return self.encoder(maps).flatten(1).float()
 
     def manipulate(self, codes: Tensor, manipulations: Tensor) -> Tensor:
-        """Predict the code after one manipulation: M(c, m) (III-A).
-
-        Args:
-            codes: Shape (B, C).
-            manipulations: x0 y0 x1 y1 dx dy in normalised units, finite, shape (B, 6).
-
-        Returns:
-            Shape (B, C), float32.
-        """
+        """Predict the codes after one manipulation: M(c, m) (III-A)."""
         return self.manipulation(codes, manipulations, self.compute_type)
 
     def decode_logits(self, codes: Tensor) -> Tensor:
         """Decode without the output's nonlinearity, shape (B, X, Y, Z), float32."""
         maps = codes.to(self.compute_type).view(codes.shape[0], 1, 1, 1, -1)
         return self.decoder(maps).squeeze(4).float()
-
-    def decode(self, codes: Tensor) -> Tensor:
-        """Expand codes (B, C) to real-valued states (B, X, Y, Z): D(c) (III-A)."""
-        return self.output(self.decode_logits(codes))
-
-    def output(self, logits: Tensor) -> Tensor:
-        """Apply the output's nonlinearity to what `decode_logits` gives."""
-        return logits.sigmoid() if self.config.output == "logistic" else logits
-
-    def roll_out(self, codes: Tensor, manipulations: Tensor) -> list[Tensor]:
-        """Apply the manipulation module recurrently (III-C, Fig. 3).
-
-        Args:
-            codes: Of the initial states, shape (B, C).
-            manipulations: Shape (B, n, 6), normalised units.
-
-        Returns:
-            The codes after each manipulation, n of shape (B, C).
-        """
-        predicted = []
-        for step in range(manipulations.shape[1]):
-            codes = self.manipulate(codes, manipulations[:, step])
-            predicted.append(codes)
-        return predicted
-
-    def predict(self, grids: Tensor, manipulations: Tensor) -> Tensor:
-        """Predict the states after all manipulations: D(M(..M(E(s0), m0).., m_n-1)) (III-C).
-
-        Args:
-            grids: Initial states, shape (B, X, Y, Z).
-            manipulations: Shape (B, n, 6), normalised units; n may be 0.
-
-        Returns:
-            Real-valued states, shape (B, X, Y, Z).
-        """
-        codes = self.encode(grids)
-        return self.decode(([codes] + self.roll_out(codes, manipulations))[-1])
-
-    def predict_all(self, grids: Tensor, manipulations: Tensor) -> Tensor:
-        """Predict the states after each manipulation, shape (B, n, X, Y, Z)."""
-        codes = self.roll_out(self.encode(grids), manipulations)
-        batch, steps = manipulations.shape[:2]
-        if not codes:
-            return grids.new_zeros(batch, 0, *self.config.grid_size, dtype=torch.float32)
-        return self.decode(torch.stack(codes, 1).flatten(0, 1)).unflatten(0, (batch, steps))
-
-    def forward(self, grids: Tensor, manipulations: Tensor) -> Tensor:
-        """Do `predict`."""
-        return self.predict(grids, manipulations)
 
 
 class Encoder(nn.Module):

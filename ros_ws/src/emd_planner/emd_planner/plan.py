@@ -17,6 +17,7 @@ from emd_core.manipulation import Manipulation
 from emd_core.voxel_grid import VoxelGrid
 from emd_planner.config import PlannerConfig, ReachConfig
 from emd_planner.cost import (
+    expected_goal_term,
     goal_term,
     grasp_term,
     grasps_cloth,
@@ -24,12 +25,12 @@ from emd_planner.cost import (
     states_before,
     weighted_sum,
 )
-from emd_planner.emd_net import EmdNet
 from emd_planner.losses import state_loss
 from emd_planner.planner import SearchProgress, SearchResult, random_values, search
 from emd_planner.planning_net import in_bfloat16
 from emd_planner.reach import ReachLoss
 from emd_planner.silhouette import onto_silhouette, silhouettes
+from emd_planner.state_predictor import StatePredictor
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ class _Candidate:
 
 
 def plan(
-    net: EmdNet,
+    net: StatePredictor,
     initial: VoxelGrid,
     goal: VoxelGrid,
     steps: int,
@@ -141,7 +142,7 @@ class _Planner:
 
     def __init__(
         self,
-        net: EmdNet,
+        net: StatePredictor,
         initial: VoxelGrid,
         goal: VoxelGrid,
         config: PlannerConfig,
@@ -162,16 +163,17 @@ class _Planner:
             reconstruction = state_loss(net.decode(self.code), self.initial.float())
         self.reconstruction_loss = float(reconstruction)
         tolerance, threshold = config.grasp_tolerance_voxels, config.threshold
-        terms = [
-            (1.0, goal_term(self.goal)),
-            (config.grasp_weight, grasp_term(self.initial, tolerance, threshold)),
-        ]
+        goal_cost = goal_term if config.goal_cost == "squared" else expected_goal_term
+        terms = [(1.0, goal_cost(self.goal))]
+        if config.grasp_weight > 0.0:
+            terms.append((config.grasp_weight, grasp_term(self.initial, tolerance, threshold)))
         self.reach_term = None
         if reach is not None:
             loss = ReachLoss(reach, self.field_of_view, self.device)
             self.reach_term = reach_term(loss, self.initial, tolerance, threshold)
             terms.append((config.reach_weight, self.reach_term))
         self.cost = weighted_sum(terms)
+        self.needs_every_state = len(terms) > 1
 
     def best(self, steps: int, seed: int, time_budget: float) -> _Candidate | None:
         """Search, and give the best restart that grasps cloth in every step."""
@@ -179,13 +181,16 @@ class _Planner:
         generator = torch.Generator().manual_seed(seed)
         silhouette = silhouettes(self.initial) if config.start_on_cloth else None
         starts = random_values(
-            config.restarts,
+            max(config.candidates, config.restarts),
             steps,
             silhouette,
             generator,
             self.device,
             config.max_displacement,
+            config.single_handed_share,
         )
+        if len(starts) > config.restarts:
+            starts = self._most_promising(starts)
         told = None
         if self.on_iteration is not None:
             callback = self.on_iteration
@@ -204,6 +209,12 @@ class _Planner:
         )
         self.iterations += found.iterations
         return self._first_that_grasps(found)
+
+    @torch.no_grad()
+    def _most_promising(self, starts: Tensor) -> Tensor:
+        """Keep the `restarts` starts that are predicted to cost least."""
+        costs = self.cost(self._predict(starts), starts).nan_to_num(torch.inf)
+        return starts[costs.argsort(stable=True)[: self.config.restarts]]
 
     def fold_plan(self, candidate: _Candidate, elapsed_ms: float) -> FoldPlan:
         """Turn a candidate into the planner's answer."""
@@ -227,9 +238,9 @@ class _Planner:
 
     def _predict(self, values: Tensor) -> Tensor:
         """Predict states (A, n, X, Y, Z), those before the last without gradients."""
-        codes = self.fast_net.roll_out(self.code.expand(len(values), -1), values)
+        codes = self.fast_net.roll_out(self.code.expand(len(values), *self.code.shape[1:]), values)
         last = self.fast_net.decode(codes[-1])[:, None]
-        if len(codes) == 1:
+        if len(codes) == 1 or not self.needs_every_state:
             return last
         with torch.no_grad():
             before = self.fast_net.decode(torch.cat(codes[:-1]))
@@ -237,7 +248,9 @@ class _Planner:
 
     @torch.no_grad()
     def _first_that_grasps(self, found: SearchResult) -> _Candidate | None:
-        codes = self.net.roll_out(self.code.expand(len(found.values), -1), found.values)
+        codes = self.net.roll_out(
+            self.code.expand(len(found.values), *self.code.shape[1:]), found.values
+        )
         states = self.net.decode(torch.stack(codes, 1).flatten(0, 1))
         states = states.unflatten(0, found.values.shape[:2])
         before = states_before(self.initial, states, self.config.threshold)
@@ -274,7 +287,7 @@ def _with_budget(config: PlannerConfig, seconds: float) -> PlannerConfig:
     return dataclasses.replace(config, time_budget=seconds)
 
 
-def _check(net: EmdNet, initial: VoxelGrid, goal: VoxelGrid, steps: int) -> None:
+def _check(net: StatePredictor, initial: VoxelGrid, goal: VoxelGrid, steps: int) -> None:
     if steps < 0:
         raise InvalidInputError(f"steps must be 1 or more, or 0 to choose, got {steps}")
     if initial.field_of_view != goal.field_of_view:

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from emd_core.errors import CancelledError
+from emd_planner.augmentation import random_points_outside
 from emd_planner.config import PlannerConfig
 from emd_planner.irprop import IrpropMinus
 
@@ -129,6 +130,7 @@ def random_values(
     generator: torch.Generator,
     device: torch.device,
     max_displacement: float = 1.0,
+    single_handed_share: float = 0.0,
 ) -> Tensor:
     """Draw starts for `search` (III-C, step 2).
 
@@ -140,6 +142,8 @@ def random_values(
         generator: On the CPU.
         device: Of the result.
         max_displacement: Largest magnitude of a displacement's x and y.
+        single_handed_share: Share of the steps in which the second hand starts anywhere off the
+            silhouette, where there is room.
 
     Returns:
         Shape (restarts, steps, 6): points x0 y0 x1 y1, then a displacement.
@@ -152,5 +156,11 @@ def random_values(
         size = torch.tensor(silhouette.shape)
         points = (columns[choice] + inside) / size * 2.0 - 1.0
         values[..., :4] = points.flatten(2)
+        if single_handed_share > 0.0:
+            idle = torch.rand((restarts, steps, 1), generator=generator) < single_handed_share
+            off = random_points_outside(
+                silhouette.cpu().expand(restarts, steps, -1, -1), generator
+            )
+            values[..., 2:4] = torch.where(idle, off[..., 1, :], values[..., 2:4])
     values[..., 4:] *= max_displacement
     return values.to(device)

@@ -6,10 +6,10 @@ import copy
 
 import torch
 
-from emd_planner.emd_net import EmdNet
+from emd_planner.state_predictor import StatePredictor
 
 
-def in_bfloat16(net: EmdNet) -> EmdNet:
+def in_bfloat16(net: StatePredictor) -> StatePredictor:
     """Copy a net with weights and layers in bfloat16; the net itself where that is no faster.
 
     The weights are converted once rather than at every layer of every iteration.

@@ -9,9 +9,9 @@ import torch
 from torch import Tensor, nn
 
 from emd_planner.config import TrainingConfig
-from emd_planner.emd_net import EmdNet
 from emd_planner.losses import consistency_loss, state_loss
 from emd_planner.manhattan import Manhattan
+from emd_planner.state_predictor import StatePredictor
 
 
 class Losses:
@@ -24,7 +24,7 @@ class Losses:
     """
 
     def __init__(
-        self, net: EmdNet, grids: Tensor, manipulations: Tensor, reconstruct: bool = False
+        self, net: StatePredictor, grids: Tensor, manipulations: Tensor, reconstruct: bool = False
     ) -> None:
         """Run the net over windows of grids (B, n+1, X, Y, Z) and manipulations (B, n, 6)."""
         batch, steps = manipulations.shape[:2]

@@ -19,7 +19,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from emd_core.errors import CellError, InvalidInputError
-from emd_planner.config import RECIPES, EmdNetConfig, TrainingConfig
+from emd_planner.architectures import ARCHITECTURES, NetConfig
+from emd_planner.config import RECIPES, TrainingConfig
 from emd_planner.dataset import SequenceSet
 from emd_planner.device import resolve_device
 from emd_planner.memory import keep_freed_memory
@@ -29,7 +30,7 @@ from emd_planner.trainer import Run, Trainer
 
 def train(
     data: SequenceSet,
-    net_config: EmdNetConfig,
+    net_config: NetConfig,
     config: TrainingConfig,
     run: Run,
     on_row: Callable[[dict[str, float]], None] | None = None,
@@ -121,7 +122,7 @@ def main(arguments: list[str] | None = None) -> int:
 
             weights = train(
                 data,
-                EmdNetConfig(),
+                ARCHITECTURES[options.net](),
                 _training_config(options),
                 run,
                 on_row=lambda row: console.print(_describe(row)),
@@ -169,6 +170,7 @@ def _parse(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m emd_planner.train", description=__doc__)
     parser.add_argument("--data", type=Path, nargs="+", required=True, metavar="DIR")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+    parser.add_argument("--net", choices=sorted(ARCHITECTURES), default="spatial")
     parser.add_argument("--recipe", choices=sorted(RECIPES), default="default")
     parser.add_argument("--minutes", type=float, default=0.0, help="of training, in all")
     parser.add_argument("--iterations", type=int, default=0, help="batches, in all")

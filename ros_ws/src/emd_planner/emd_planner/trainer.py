@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from torch import nn
 
+from emd_planner.architectures import NetConfig, architecture_of, make_net
 from emd_planner.augmentation import augment
 from emd_planner.checkpoint import load_checkpoint, save_checkpoint
-from emd_planner.config import EmdNetConfig, TrainingConfig
+from emd_planner.config import TrainingConfig
 from emd_planner.dataset import SequenceSet
-from emd_planner.emd_net import EmdNet
 from emd_planner.recipe import Losses, make_recipe
 from emd_planner.training_log import TrainingLog, draw_curve
 from emd_planner.validation import Validator, mean_grid
@@ -54,7 +55,7 @@ class Trainer:
     """The state of a training run; `train` drives it."""
 
     def __init__(
-        self, data: SequenceSet, net_config: EmdNetConfig, config: TrainingConfig, run: Run
+        self, data: SequenceSet, net_config: NetConfig, config: TrainingConfig, run: Run
     ) -> None:
         """Prepare a run, or go on with the one that the checkpoint in `run.out` belongs to.
 
@@ -71,7 +72,7 @@ class Trainer:
             for name, steps in (("one_step", 1), ("two_steps", 2))
             if len(held_out.window_starts(steps))
         }
-        self.net = EmdNet(net_config, run.seed)
+        self.net = make_net(net_config, run.seed)
         if run.start_from is not None:
             self.net = load_net(run.start_from).train().requires_grad_(True)
         self.net.to(run.device)
@@ -95,6 +96,7 @@ class Trainer:
     def identity(self) -> dict[str, Any]:
         """What must be the same for a checkpoint to be gone on with."""
         return {
+            "architecture": architecture_of(self.net.config),
             "net": dataclasses.asdict(self.net.config),
             "training": dataclasses.asdict(self.config),
             "seed": self.run.seed,
@@ -196,7 +198,7 @@ class Trainer:
 class swapped_weights:  # noqa: N801 - reads as a statement
     """Context in which a net has other weights."""
 
-    def __init__(self, net: EmdNet, weights: dict[str, torch.Tensor]) -> None:
+    def __init__(self, net: nn.Module, weights: dict[str, torch.Tensor]) -> None:
         """Keep both."""
         self._net, self._weights = net, weights
         self._own: dict[str, torch.Tensor] = {}

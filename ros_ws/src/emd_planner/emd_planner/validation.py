@@ -10,8 +10,8 @@ from torch import Tensor
 
 from emd_planner.augmentation import fill_unused
 from emd_planner.dataset import SequenceSet, Windows
-from emd_planner.emd_net import EmdNet
 from emd_planner.losses import consistency_loss, state_loss
+from emd_planner.state_predictor import StatePredictor
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Validator:
         return len(self._windows.grids)
 
     @torch.no_grad()
-    def scores(self, net: EmdNet, batch_size: int = 64) -> Scores:
+    def scores(self, net: StatePredictor, batch_size: int = 64) -> Scores:
         """Predict the last state of each window from its first and compare."""
         rows = []
         for start in range(0, len(self), batch_size):

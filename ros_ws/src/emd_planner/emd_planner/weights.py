@@ -15,14 +15,14 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 
 from emd_core.errors import InvalidInputError, ModelError
-from emd_planner.config import EmdNetConfig
-from emd_planner.emd_net import EmdNet
+from emd_planner.architectures import ARCHITECTURES, NetConfig, architecture_of, make_net
+from emd_planner.state_predictor import StatePredictor
 
 SHIPPED_WEIGHTS = Path(__file__).parent / "weights" / "emd_net.safetensors"
 _REMEDY = "train a net with `python -m emd_planner.train` and give the path of its .safetensors"
 
 
-def load_net(path: Path | None = None, device: torch.device | str = "cpu") -> EmdNet:
+def load_net(path: Path | None = None, device: torch.device | str = "cpu") -> StatePredictor:
     """Load a trained net, ready for planning: its weights take no gradients.
 
     Args:
@@ -42,7 +42,7 @@ def load_net(path: Path | None = None, device: torch.device | str = "cpu") -> Em
             tensors = {name: stored.get_tensor(name).float() for name in stored.keys()}  # noqa: SIM118
     except (OSError, SafetensorError) as err:
         raise ModelError(f"{path} should be a safetensors file: {err}; {_REMEDY}") from err
-    net = EmdNet(_config_from(metadata, path))
+    net = make_net(_config_from(metadata, path))
     _check(net, tensors, path)
     net.load_state_dict(tensors)
     return net.to(device).eval().requires_grad_(False)
@@ -63,7 +63,10 @@ def read_provenance(path: Path | None = None) -> dict[str, Any]:
 
 
 def save_net(
-    net: EmdNet, path: Path, provenance: Mapping[str, Any], tensors: Mapping[str, torch.Tensor]
+    net: StatePredictor,
+    path: Path,
+    provenance: Mapping[str, Any],
+    tensors: Mapping[str, torch.Tensor],
 ) -> None:
     """Write weights in float16, with the net's config and their origin, and a JSON beside them.
 
@@ -77,30 +80,40 @@ def save_net(
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     config = dataclasses.asdict(net.config)
-    metadata = {"config": json.dumps(config), "provenance": json.dumps(dict(provenance))}
+    architecture = architecture_of(net.config)
+    metadata = {
+        "architecture": architecture,
+        "config": json.dumps(config),
+        "provenance": json.dumps(dict(provenance)),
+    }
     half = {name: value.detach().cpu().half().contiguous() for name, value in tensors.items()}
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
         temporary = Path(folder) / path.name
         save_file(half, temporary, metadata)
         beside = Path(folder) / "beside.json"
-        beside.write_text(json.dumps({"config": config, **provenance}, indent=2) + "\n")
+        beside.write_text(
+            json.dumps({"architecture": architecture, "config": config, **provenance}, indent=2)
+            + "\n"
+        )
         os.chmod(temporary, 0o644)
         os.replace(temporary, path)
         os.replace(beside, path.with_suffix(".json"))
 
 
-def _config_from(metadata: Mapping[str, str], path: Path) -> EmdNetConfig:
+def _config_from(metadata: Mapping[str, str], path: Path) -> NetConfig:
     try:
         stored = json.loads(metadata["config"])
-        for name in ("grid_size", "map_counts"):
-            stored[name] = tuple(stored[name])
-        stored["strides"] = tuple(tuple(stride) for stride in stored["strides"])
-        return EmdNetConfig(**stored)
+        kind = ARCHITECTURES[metadata.get("architecture", "emd")]
+        return kind(**{name: _as_tuple(value) for name, value in stored.items()})
     except (KeyError, TypeError, ValueError, InvalidInputError) as err:
         raise ModelError(f"{path} does not say the net's config ({err!r}); {_REMEDY}") from err
 
 
-def _check(net: EmdNet, tensors: Mapping[str, torch.Tensor], path: Path) -> None:
+def _as_tuple(value: Any) -> Any:
+    return tuple(_as_tuple(part) for part in value) if isinstance(value, list) else value
+
+
+def _check(net: StatePredictor, tensors: Mapping[str, torch.Tensor], path: Path) -> None:
     wanted = net.state_dict()
     if wanted.keys() != tensors.keys():
         missing = sorted(wanted.keys() - tensors.keys())

@@ -14,8 +14,8 @@ from emd_core.frames import FloatArray
 from emd_core.manipulation import Manipulation
 from emd_core.voxel_grid import VoxelGrid
 from emd_planner.config import PLANNERS, PlannerConfig, ReachConfig
-from emd_planner.emd_net import EmdNet
 from emd_planner.plan import plan
+from emd_planner.state_predictor import StatePredictor
 from emd_planner.weights import load_net
 
 TRIVIAL = ("nothing", "empty", "random", "oracle", "oracle_perturbed")
@@ -114,7 +114,9 @@ class Oracle(Rival):
 class NetPlanner(Rival):
     """The EMD net's search."""
 
-    def __init__(self, net: EmdNet, config: PlannerConfig, reach: ReachConfig | None) -> None:
+    def __init__(
+        self, net: StatePredictor, config: PlannerConfig, reach: ReachConfig | None
+    ) -> None:
         """Search with a net; points must be in reach if a reach is given."""
         self._net, self._config, self._reach = net, config, reach
 

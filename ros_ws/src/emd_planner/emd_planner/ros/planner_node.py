@@ -105,8 +105,8 @@ class PlannerNode(Node):
         )
 
         def on_iteration(progress: PlanningProgress) -> None:
-            if publish is not None:
-                publish(progress_to_feedback(progress, initial, self._table_header()))
+            assert publish is not None
+            publish(progress_to_feedback(progress, initial, self._table_header()))
 
         found = plan(
             self._net.get(),
@@ -116,12 +116,7 @@ class PlannerNode(Node):
             config,
             self._reach,
             request.seed,
-            publish
-            and (
-                lambda progress: publish(
-                    progress_to_feedback(progress, initial, self._table_header())
-                )
-            ),
+            None if publish is None else on_iteration,
             should_stop,
         )
         result.plan = plan_to_message(found, self._table_header())

@@ -11,7 +11,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from emd_core.errors import ModelError
-from emd_planner.emd_net import EmdNet
+from emd_planner.state_predictor import StatePredictor
 from emd_planner.weights import load_net
 
 PARAMETER = "weights"
@@ -27,7 +27,7 @@ class ServedNet:
     def __init__(self, node: Node, device: torch.device) -> None:
         """Declare the parameter and load the net onto `device`."""
         self._device = device
-        self._net: EmdNet | None = None
+        self._net: StatePredictor | None = None
         self._problem = ""
         text = "safetensors file of the trained net; empty: the one that comes with the package"
         path = node.declare_parameter(PARAMETER, "", ParameterDescriptor(description=text)).value
@@ -38,7 +38,7 @@ class ServedNet:
             node.get_logger().error(self._problem)
         node.add_on_set_parameters_callback(self._on_set)
 
-    def get(self) -> EmdNet:
+    def get(self) -> StatePredictor:
         """Give the net.
 
         Raises:
