@@ -9,7 +9,7 @@ from emd_core.errors import InvalidInputError
 from emd_planner.architectures import architecture_of, make_net
 from emd_planner.config import EmdNetConfig, SpatialNetConfig
 from emd_planner.emd_net import EmdNet
-from emd_planner.spatial_net import SpatialEmdNet, _Ring, _sample
+from emd_planner.spatial_net import SpatialEmdNet, _sample
 from emd_planner.weights import load_net, save_net
 
 SMALL = SpatialNetConfig(widths=(8, 12, 16), moved_width=4, coarse_blocks=1)
@@ -84,14 +84,6 @@ def test_a_hand_that_stays_where_it_is_gives_finite_gradients(net, states):
     values = torch.zeros(3, 1, 6, requires_grad=True)
     net.predict(states, values).sum().backward()
     assert values.grad.isfinite().all()
-
-
-def test_periodic_padding_equals_torchs():
-    """The same rim, and its exact gradient."""
-    maps = torch.randn(2, 3, 4, 5, dtype=torch.double, requires_grad=True)
-    padded = torch.nn.functional.pad(maps, (1, 1, 1, 1), mode="circular")
-    torch.testing.assert_close(_Ring.apply(maps), padded)
-    assert torch.autograd.gradcheck(_Ring.apply, (maps,))
 
 
 def test_maps_are_read_at_their_cells_and_across_the_rim():

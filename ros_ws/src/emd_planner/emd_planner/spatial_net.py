@@ -9,13 +9,22 @@ fold line, the perpendicular bisector of grasp and release, which is where folde
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import cast
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
 from emd_planner.config import SpatialNetConfig
+from emd_planner.convolution_blocks import (
+    Dense,
+    Double,
+    Halve,
+    Pointwise,
+    Residual,
+    channels_last,
+    start_at_zero,
+)
 from emd_planner.state_predictor import StatePredictor
 
 _LINE_SHARPNESS = 4.0  # of the maps that tell the sides of a fold line, per normalised length
@@ -35,10 +44,10 @@ class SpatialEmdNet(StatePredictor):
         width = self.config.widths[0]
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
-            self.encoder = nn.Sequential(_Pointwise(4 * layers, width), _Residual(width))
+            self.encoder = nn.Sequential(Pointwise(4 * layers, width), Residual(width))
             self.manipulation = _ManipulationModule(self.config)
-            last = _Pointwise(width, 4 * layers)
-            self.decoder = nn.Sequential(_Residual(width), last)
+            last = Pointwise(width, 4 * layers)
+            self.decoder = nn.Sequential(Residual(width), last)
         cast(Tensor, last.bias).data.fill_(self.config.output_bias)
 
     def encode(self, grids: Tensor) -> Tensor:
@@ -62,21 +71,19 @@ class _ManipulationModule(nn.Module):
     def __init__(self, config: SpatialNetConfig) -> None:
         super().__init__()
         fine, middle, coarse = config.widths
-        self.touch = nn.Sequential(
-            _Dense(2 * fine + 3, middle), nn.ReLU(), _Dense(middle, 2 * fine)
-        )
-        self.moved = _Pointwise(fine, config.moved_width)
-        self.hand = _Pointwise(config.moved_width + _MAPS_PER_HAND, fine)
-        self.sheet = _Pointwise(fine + config.moved_width, fine)
-        self.first = _Residual(fine)
-        self.halved = nn.ModuleList([_Halve(fine, middle), _Halve(middle, coarse)])
-        self.before = _Residual(middle)
-        self.middle = nn.Sequential(*(_Residual(coarse) for _ in range(config.coarse_blocks)))
-        self.doubled = nn.ModuleList([_Double(coarse, middle), _Double(middle, fine)])
-        self.after = _Residual(middle)
-        self.last = _Residual(fine)
-        self.change = _Pointwise(fine, fine)
-        _start_at_zero(self.change)
+        self.touch = nn.Sequential(Dense(2 * fine + 3, middle), nn.ReLU(), Dense(middle, 2 * fine))
+        self.moved = Pointwise(fine, config.moved_width)
+        self.hand = Pointwise(config.moved_width + _MAPS_PER_HAND, fine)
+        self.sheet = Pointwise(fine + config.moved_width, fine)
+        self.first = Residual(fine)
+        self.halved = nn.ModuleList([Halve(fine, middle), Halve(middle, coarse)])
+        self.before = Residual(middle)
+        self.middle = nn.Sequential(*(Residual(coarse) for _ in range(config.coarse_blocks)))
+        self.doubled = nn.ModuleList([Double(coarse, middle), Double(middle, fine)])
+        self.after = Residual(middle)
+        self.last = Residual(fine)
+        self.change = Pointwise(fine, fine)
+        start_at_zero(self.change)
 
     def forward(self, codes: Tensor, manipulations: Tensor, kind: torch.dtype) -> Tensor:
         """Predict codes (B, C, H, W), float32, after manipulations (B, 6)."""
@@ -106,7 +113,7 @@ class _ManipulationModule(nn.Module):
             ],
             1,
         )
-        parts = self.moved(_laid_out(codes.to(kind))).float()
+        parts = self.moved(channels_last(codes.to(kind))).float()
         shifted = _sample(parts, places.flatten(1, 2)).unflatten(2, (3, -1))
         touched = _sample(codes, grasps[:, :, None]).squeeze(-1).mT  # (B, 2, C)
         released = _sample(codes, (grasps + moves)[:, :, None]).squeeze(-1).mT
@@ -117,15 +124,10 @@ class _ManipulationModule(nn.Module):
         marks.append((_LINE_SHARPNESS * beyond[..., 0]).tanh())
         marks.append((-_LINE_SHARPNESS * across[..., 0]).exp())
         hands = torch.cat([shifted[:, :, 1:].transpose(1, 2), torch.stack(marks, 2)], 2)
-        hands = self.hand(_laid_out(hands.flatten(0, 1).to(kind)))
+        hands = self.hand(channels_last(hands.flatten(0, 1).to(kind)))
         hands = (hands * gain.sigmoid() + bias).unflatten(0, (batch, 2)).sum(1)
         sheet = torch.cat([codes, shifted[:, :, 0]], 1).to(kind)
-        return self.sheet(_laid_out(sheet)) + hands
-
-
-def _laid_out(maps: Tensor) -> Tensor:
-    """Lay channels last in memory, which convolutions on a CPU are fastest with."""
-    return maps.contiguous(memory_format=torch.channels_last)
+        return self.sheet(channels_last(sheet)) + hands
 
 
 def _centres(codes: Tensor) -> Tensor:
@@ -154,104 +156,3 @@ def _sample(maps: Tensor, places: Tensor) -> Tensor:
     cells = (places + 1.0) * (size / 2.0) % size  # 0..n, cell i has its centre at i + 0.5
     scaled = (cells + 1.0) * (2.0 / (size + 2)) - 1.0
     return functional.grid_sample(padded, scaled.flip(-1), align_corners=False)
-
-
-class _Dense(nn.Linear):
-    """A full layer that computes in the type of its input."""
-
-    def forward(self, values: Tensor) -> Tensor:
-        return functional.linear(values, self.weight.to(values.dtype), self.bias.to(values.dtype))
-
-
-class _Pointwise(nn.Conv2d):
-    """A 1 x 1 convolution that computes in the type of its input."""
-
-    def __init__(self, inputs: int, outputs: int) -> None:
-        super().__init__(inputs, outputs, 1)
-
-    def forward(self, maps: Tensor) -> Tensor:
-        return _convolve(maps, self.weight, self.bias)
-
-
-class _Halve(nn.Conv2d):
-    """Half the resolution by a 2 x 2 convolution of stride 2."""
-
-    def __init__(self, inputs: int, outputs: int) -> None:
-        super().__init__(inputs, outputs, 2, stride=2)
-
-    def forward(self, maps: Tensor) -> Tensor:
-        return _convolve(maps, self.weight, self.bias, 2)
-
-
-class _Double(nn.Module):
-    """Twice the resolution: a 1 x 1 convolution to four cells each."""
-
-    def __init__(self, inputs: int, outputs: int) -> None:
-        super().__init__()
-        self.four = _Pointwise(inputs, 4 * outputs)
-
-    def forward(self, maps: Tensor) -> Tensor:
-        return _laid_out(functional.pixel_shuffle(self.four(maps), 2))
-
-
-class _Residual(nn.Module):
-    """Two periodic 3 x 3 convolutions, added; the second starts at zero."""
-
-    def __init__(self, width: int) -> None:
-        super().__init__()
-        self.first = nn.Conv2d(width, width, 3)
-        self.second = nn.Conv2d(width, width, 3)
-        _start_at_zero(self.second)
-
-    def forward(self, maps: Tensor) -> Tensor:
-        change = _convolve(_ringed(functional.relu(maps)), self.first.weight, self.first.bias)
-        change = _ringed(functional.relu(change))
-        return maps + _convolve(change, self.second.weight, self.second.bias)
-
-
-def _start_at_zero(layer: nn.Conv2d) -> None:
-    """Let what is added to maps begin as nothing."""
-    for parameter in layer.parameters():
-        nn.init.zeros_(parameter)
-
-
-def _ringed(maps: Tensor) -> Tensor:
-    """Pad x and y periodically by one cell."""
-    return _Ring.apply(maps)
-
-
-class _Ring(torch.autograd.Function):
-    """Periodic padding in few copies; `functional.pad` takes longer than the convolution."""
-
-    @staticmethod
-    def forward(ctx: Any, maps: Tensor) -> Tensor:
-        batch, width, x, y = maps.shape
-        ringed = torch.empty(
-            (batch, width, x + 2, y + 2),
-            dtype=maps.dtype,
-            device=maps.device,
-            memory_format=torch.channels_last,
-        )
-        ringed[:, :, 1:-1, 1:-1] = maps
-        ringed[:, :, 0, 1:-1] = maps[:, :, -1]
-        ringed[:, :, -1, 1:-1] = maps[:, :, 0]
-        ringed[:, :, :, 0] = ringed[:, :, :, -2]
-        ringed[:, :, :, -1] = ringed[:, :, :, 1]
-        return ringed
-
-    @staticmethod
-    def backward(ctx: Any, gradient: Tensor) -> Tensor:
-        inner = gradient[:, :, :, 1:-1].clone(memory_format=torch.channels_last)
-        inner[:, :, :, 0] += gradient[:, :, :, -1]
-        inner[:, :, :, -1] += gradient[:, :, :, 0]
-        inner[:, :, 1] += inner[:, :, -1]
-        inner[:, :, -2] += inner[:, :, 0]
-        return inner[:, :, 1:-1]
-
-
-def _convolve(maps: Tensor, weight: Tensor, bias: Tensor | None, stride: int = 1) -> Tensor:
-    kind = maps.dtype
-    weight = weight.to(kind, memory_format=torch.channels_last)
-    return functional.conv2d(
-        _laid_out(maps), weight, None if bias is None else bias.to(kind), stride
-    )
