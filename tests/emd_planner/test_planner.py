@@ -9,7 +9,8 @@ import torch
 
 from emd_core.errors import CancelledError
 from emd_planner.config import PlannerConfig
-from emd_planner.planner import random_values, search
+from emd_planner.planner import search
+from emd_planner.starts import random_values
 
 TARGET = torch.tensor([[0.2, -0.4, 0.7, 0.1, -0.9, 0.5], [0.0, 0.3, -0.6, 0.8, 0.4, -0.2]])
 

@@ -99,6 +99,7 @@ class SpatialNetConfig:
         widths: Maps at a half, a quarter and an eighth of the grid's resolution.
         moved_width: Maps that are shifted and reflected as hands move.
         coarse_blocks: Residual blocks at the coarsest of them.
+        proposals: Distributions in the mixture that guesses manipulations; 0: none.
         output: Of the decoder: see `EmdNetConfig`.
         output_bias: Where the decoder's last bias starts: see `EmdNetConfig`.
     """
@@ -107,6 +108,7 @@ class SpatialNetConfig:
     widths: tuple[int, int, int] = (48, 96, 160)
     moved_width: int = 16
     coarse_blocks: int = 2
+    proposals: int = 8
     output: Literal["logistic"] = "logistic"
     output_bias: float = -3.0
 
@@ -171,6 +173,9 @@ class TrainingConfig:
             or "cross_entropy" (adamw; ours), which has the same optimum for binary states and
             steeper gradients where a prediction is firm and wrong. loss_s is reported either way.
         consistency_weight: Weight of loss_c beside it (adamw).
+        proposal_weight: Weight of the guessed manipulations' negative log-likelihood, for nets
+            that make guesses (adamw; ours). Their part of the net learns from nothing else, and
+            nothing else learns from them.
         reconstruction_weight: Weight of the auto-encoder loss D(E(s)) against s (ours; 0: none).
         gradient_clip: Largest norm of the gradient (adamw).
         average_decay: Decay of the moving average of the weights, which is what is validated and
@@ -191,6 +196,7 @@ class TrainingConfig:
     weight_decay: float = 0.01
     state_objective: Literal["squared", "cross_entropy"] = "cross_entropy"
     consistency_weight: float = 0.1
+    proposal_weight: float = 0.01
     reconstruction_weight: float = 0.0
     gradient_clip: float = 1.0
     average_decay: float = 0.998
@@ -210,6 +216,8 @@ class PlannerConfig:
         max_iterations: Most iterations of a search; 100 in the paper.
         candidates: Random starts that are rated by one prediction each; searches run from the
             best `restarts` of them; 0: from `restarts` random ones (ours).
+        guessed_share: Share of the starts that are drawn from the net's guesses, if it makes any
+            (ours).
         single_handed_share: Share of the random starts' steps in which the second hand starts
             off the cloth (ours).
         goal_cost: "squared": loss_s of the predicted probabilities, as in the paper. "expected":
@@ -247,6 +255,7 @@ class PlannerConfig:
     restarts: int = 10
     max_iterations: int = 100
     candidates: int = 0
+    guessed_share: float = 0.0
     single_handed_share: float = 0.0
     goal_cost: Literal["squared", "expected"] = "squared"
     halve_every: int = 0

@@ -26,10 +26,11 @@ from emd_planner.cost import (
     weighted_sum,
 )
 from emd_planner.losses import state_loss
-from emd_planner.planner import SearchProgress, SearchResult, random_values, search
+from emd_planner.planner import SearchProgress, SearchResult, search
 from emd_planner.planning_net import in_bfloat16
 from emd_planner.reach import ReachLoss
 from emd_planner.silhouette import onto_silhouette, silhouettes
+from emd_planner.starts import guessed_values, random_values
 from emd_planner.state_predictor import StatePredictor
 
 
@@ -158,6 +159,8 @@ class _Planner:
         self.initial = torch.from_numpy(initial.occupancy).to(self.device)
         self.goal = torch.from_numpy(goal.occupancy).to(self.device)
         self.iterations = 0
+        limits = [1.0] * 4 + [config.max_displacement] * 2
+        self.limits = torch.tensor(limits, device=self.device)
         with torch.no_grad():
             self.code = net.encode(self.initial[None])
             reconstruction = state_loss(net.decode(self.code), self.initial.float())
@@ -179,18 +182,7 @@ class _Planner:
         """Search, and give the best restart that grasps cloth in every step."""
         config = self.config
         generator = torch.Generator().manual_seed(seed)
-        silhouette = silhouettes(self.initial) if config.start_on_cloth else None
-        starts = random_values(
-            max(config.candidates, config.restarts),
-            steps,
-            silhouette,
-            generator,
-            self.device,
-            config.max_displacement,
-            config.single_handed_share,
-        )
-        if len(starts) > config.restarts:
-            starts = self._most_promising(starts)
+        starts = self._most_promising(self._starts(steps, generator))
         told = None
         if self.on_iteration is not None:
             callback = self.on_iteration
@@ -205,14 +197,45 @@ class _Planner:
             _with_budget(config, time_budget),
             told,
             self.should_stop,
-            torch.tensor([1.0] * 4 + [config.max_displacement] * 2),
+            self.limits,
         )
         self.iterations += found.iterations
         return self._first_that_grasps(found)
 
+    def _starts(self, steps: int, generator: torch.Generator) -> Tensor:
+        """Draw `candidates` starts, or `restarts` if these are more."""
+        config = self.config
+        count = max(config.candidates, config.restarts)
+        guessed = None
+        if guesses := round(config.guessed_share * count):
+            guessed = guessed_values(
+                self.fast_net,
+                self.initial,
+                self.goal,
+                steps,
+                guesses,
+                generator,
+                config.threshold,
+            )
+        random = random_values(
+            count - (0 if guessed is None else guesses),
+            steps,
+            silhouettes(self.initial) if config.start_on_cloth else None,
+            generator,
+            self.device,
+            config.max_displacement,
+            config.single_handed_share,
+        )
+        return random if guessed is None else torch.cat([self._limited(guessed), random])
+
+    def _limited(self, values: Tensor) -> Tensor:
+        return values.clamp(-self.limits, self.limits)
+
     @torch.no_grad()
     def _most_promising(self, starts: Tensor) -> Tensor:
         """Keep the `restarts` starts that are predicted to cost least."""
+        if len(starts) == self.config.restarts:
+            return starts
         costs = self.cost(self._predict(starts), starts).nan_to_num(torch.inf)
         return starts[costs.argsort(stable=True)[: self.config.restarts]]
 

@@ -11,7 +11,6 @@ import torch
 from torch import Tensor
 
 from emd_core.errors import CancelledError
-from emd_planner.augmentation import random_points_outside
 from emd_planner.config import PlannerConfig
 from emd_planner.irprop import IrpropMinus
 
@@ -121,46 +120,3 @@ def search(
 def _better_half(rows: Tensor, costs: Tensor) -> Tensor:
     """Keep the half of the rows with the lowest costs, one at least, in their order."""
     return rows[costs[rows].argsort(stable=True)[: (len(rows) + 1) // 2]].sort().values
-
-
-def random_values(
-    restarts: int,
-    steps: int,
-    silhouette: Tensor | None,
-    generator: torch.Generator,
-    device: torch.device,
-    max_displacement: float = 1.0,
-    single_handed_share: float = 0.0,
-) -> Tensor:
-    """Draw starts for `search` (III-C, step 2).
-
-    Args:
-        restarts: Number of starts.
-        steps: Manipulations in each.
-        silhouette: Boolean (X, Y): grasp points start uniformly on these columns; None: anywhere
-            in [-1, 1]. Where the cloth lies in later steps is not known; its first place is used.
-        generator: On the CPU.
-        device: Of the result.
-        max_displacement: Largest magnitude of a displacement's x and y.
-        single_handed_share: Share of the steps in which the second hand starts anywhere off the
-            silhouette, where there is room.
-
-    Returns:
-        Shape (restarts, steps, 6): points x0 y0 x1 y1, then a displacement.
-    """
-    values = 2.0 * torch.rand((restarts, steps, 6), generator=generator) - 1.0
-    columns = torch.nonzero(silhouette.cpu()) if silhouette is not None else torch.zeros(0, 2)
-    if silhouette is not None and len(columns):
-        choice = torch.randint(len(columns), (restarts, steps, 2), generator=generator)
-        inside = torch.rand((restarts, steps, 2, 2), generator=generator)
-        size = torch.tensor(silhouette.shape)
-        points = (columns[choice] + inside) / size * 2.0 - 1.0
-        values[..., :4] = points.flatten(2)
-        if single_handed_share > 0.0:
-            idle = torch.rand((restarts, steps, 1), generator=generator) < single_handed_share
-            off = random_points_outside(
-                silhouette.cpu().expand(restarts, steps, -1, -1), generator
-            )
-            values[..., 2:4] = torch.where(idle, off[..., 1, :], values[..., 2:4])
-    values[..., 4:] *= max_displacement
-    return values.to(device)

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from emd_planner.config import TrainingConfig
+from emd_planner.cost import grasps_cloth
 from emd_planner.losses import consistency_loss, state_loss
 from emd_planner.manhattan import Manhattan
 from emd_planner.state_predictor import StatePredictor
@@ -21,6 +22,8 @@ class Losses:
         state: loss_s (eq. 1), mean over the windows and their steps.
         consistency: loss_c (eq. 2), likewise.
         reconstruction: Squared error of D(E(s)) against s, or 0 if it is not wanted.
+        proposal: Negative log-likelihood of the windows' manipulations under the net's guesses
+            for every earlier and later state of a window; 0 for a net without guesses.
     """
 
     def __init__(
@@ -37,6 +40,7 @@ class Losses:
         self.consistency = consistency_loss(
             predicted.flatten(0, 1), codes[:, 1:].flatten(0, 1)
         ).mean()
+        self.proposal = proposal_loss(net, grids, codes.detach(), manipulations)
         self.reconstruction = self.state.new_zeros(())
         if reconstruct:
             self.reconstruction = state_loss(net.decode(codes[:, 0]), actual[:, 0]).mean()
@@ -45,6 +49,30 @@ class Losses:
     def cross_entropy(self) -> Tensor:
         """Of the same predictions as `state`, mean over all voxels, for a logistic output."""
         return nn.functional.binary_cross_entropy_with_logits(self._logits, self._wanted)
+
+
+def proposal_loss(
+    net: StatePredictor, grids: Tensor, codes: Tensor, manipulations: Tensor
+) -> Tensor:
+    """Mean negative log-likelihood of manipulations under the net's guesses, a scalar.
+
+    Args:
+        net: Makes the guesses, or none; then the loss is 0.
+        grids: Windows of states, boolean, shape (B, n+1, X, Y, Z).
+        codes: Of these states, shape (B, n+1, ...).
+        manipulations: Shape (B, n, 6).
+    """
+    pairs = torch.combinations(torch.arange(codes.shape[1], device=codes.device))
+    start, end = pairs[:, 0], pairs[:, 1]
+    steps = (end - start).expand(len(codes), -1)
+    guesses = net.propose(
+        codes[:, start].flatten(0, 1), codes[:, end].flatten(0, 1), steps.flatten()
+    )
+    if guesses is None:
+        return codes.new_zeros(())
+    used = grasps_cloth(manipulations, grids[:, :-1], 0)[:, start].flatten(0, 1)
+    likelihood = guesses.log_likelihood(manipulations[:, start].flatten(0, 1), used)
+    return -likelihood.sum() / used.any(1).sum().clamp_min(1)
 
 
 class AdamWRecipe:
@@ -72,6 +100,7 @@ class AdamWRecipe:
         state = losses.state if config.state_objective == "squared" else losses.cross_entropy
         total = state + config.consistency_weight * losses.consistency
         total = total + config.reconstruction_weight * losses.reconstruction
+        total = total + config.proposal_weight * losses.proposal
         for group in self.optimiser.param_groups:
             group["lr"] = config.learning_rate * learning_rate_share(progress, config)
         self.optimiser.zero_grad(set_to_none=True)

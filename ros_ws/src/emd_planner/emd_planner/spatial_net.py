@@ -25,6 +25,7 @@ from emd_planner.convolution_blocks import (
     channels_last,
     start_at_zero,
 )
+from emd_planner.proposal import ProposalHead, Proposals
 from emd_planner.state_predictor import StatePredictor
 
 _LINE_SHARPNESS = 4.0  # of the maps that tell the sides of a fold line, per normalised length
@@ -48,6 +49,10 @@ class SpatialEmdNet(StatePredictor):
             self.manipulation = _ManipulationModule(self.config)
             last = Pointwise(width, 4 * layers)
             self.decoder = nn.Sequential(Residual(width), last)
+            self.proposal: ProposalHead | None = None
+            if self.config.proposals > 0:
+                cells = (x // 2, y // 2)
+                self.proposal = ProposalHead(width, cells, self.config.proposals)
         cast(Tensor, last.bias).data.fill_(self.config.output_bias)
 
     def encode(self, grids: Tensor) -> Tensor:
@@ -58,6 +63,12 @@ class SpatialEmdNet(StatePredictor):
     def manipulate(self, codes: Tensor, manipulations: Tensor) -> Tensor:
         """Predict the codes after one manipulation: M(c, m) (III-A)."""
         return self.manipulation(codes, manipulations, self.compute_type)
+
+    def propose(self, codes: Tensor, goals: Tensor, steps: Tensor) -> Proposals | None:
+        """Guess manipulations; see `StatePredictor.propose`."""
+        if self.proposal is None:
+            return None
+        return self.proposal(codes, goals, steps, self.compute_type)
 
     def decode_logits(self, codes: Tensor) -> Tensor:
         """Decode without the output's nonlinearity, shape (B, X, Y, Z), float32."""

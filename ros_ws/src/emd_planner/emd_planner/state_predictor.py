@@ -9,6 +9,7 @@ from torch import Tensor, nn
 
 from emd_core.errors import InvalidInputError
 from emd_planner.config import EmdNetConfig, SpatialNetConfig
+from emd_planner.proposal import Proposals
 
 
 class StatePredictor(nn.Module, ABC):
@@ -55,6 +56,19 @@ class StatePredictor(nn.Module, ABC):
     @abstractmethod
     def decode_logits(self, codes: Tensor) -> Tensor:
         """Decode without the output's nonlinearity, shape (B, X, Y, Z), float32."""
+
+    def propose(self, codes: Tensor, goals: Tensor, steps: Tensor) -> Proposals | None:
+        """Guess which manipulation follows on the way to a goal (ours).
+
+        Args:
+            codes: Of the present states, shape (B, ...).
+            goals: Of the wanted states, the same shape.
+            steps: Manipulations that lead there, shape (B,), integer, from 1.
+
+        Returns:
+            A distribution for each row; None if the net makes no guesses.
+        """
+        return None
 
     def checked(self, grids: Tensor) -> Tensor:
         """Give grids (B, X, Y, Z) that fit the net.

@@ -1,0 +1,97 @@
+"""Where searches begin: at random (paper, III-C, step 2), or at what the net guesses (ours)."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from emd_planner.augmentation import random_points_outside
+from emd_planner.silhouette import silhouettes
+from emd_planner.state_predictor import StatePredictor
+
+
+def random_values(
+    restarts: int,
+    steps: int,
+    silhouette: Tensor | None,
+    generator: torch.Generator,
+    device: torch.device,
+    max_displacement: float = 1.0,
+    single_handed_share: float = 0.0,
+) -> Tensor:
+    """Draw starts for `search` (III-C, step 2).
+
+    Args:
+        restarts: Number of starts.
+        steps: Manipulations in each.
+        silhouette: Boolean (X, Y): grasp points start uniformly on these columns; None: anywhere
+            in [-1, 1]. Where the cloth lies in later steps is not known; its first place is used.
+        generator: On the CPU.
+        device: Of the result.
+        max_displacement: Largest magnitude of a displacement's x and y.
+        single_handed_share: Share of the steps in which the second hand starts anywhere off the
+            silhouette, where there is room.
+
+    Returns:
+        Shape (restarts, steps, 6): points x0 y0 x1 y1, then a displacement.
+    """
+    values = 2.0 * torch.rand((restarts, steps, 6), generator=generator) - 1.0
+    columns = torch.nonzero(silhouette.cpu()) if silhouette is not None else torch.zeros(0, 2)
+    if silhouette is not None and len(columns):
+        choice = torch.randint(len(columns), (restarts, steps, 2), generator=generator)
+        inside = torch.rand((restarts, steps, 2, 2), generator=generator)
+        size = torch.tensor(silhouette.shape)
+        points = (columns[choice] + inside) / size * 2.0 - 1.0
+        values[..., :4] = points.flatten(2)
+        if single_handed_share > 0.0:
+            idle = torch.rand((restarts, steps, 1), generator=generator) < single_handed_share
+            off = random_points_outside(
+                silhouette.cpu().expand(restarts, steps, -1, -1), generator
+            )
+            values[..., 2:4] = torch.where(idle, off[..., 1, :], values[..., 2:4])
+    values[..., 4:] *= max_displacement
+    return values.to(device)
+
+
+@torch.no_grad()
+def guessed_values(
+    net: StatePredictor,
+    initial: Tensor,
+    goal: Tensor,
+    steps: int,
+    count: int,
+    generator: torch.Generator,
+    threshold: float = 0.5,
+) -> Tensor | None:
+    """Draw whole sequences from the net's guesses, each step from the state predicted before it.
+
+    Args:
+        net: Guesses and predicts.
+        initial: Boolean, shape (X, Y, Z).
+        goal: The same.
+        steps: Manipulations in each sequence.
+        count: Number of sequences.
+        generator: On the CPU.
+        threshold: Predicted value from which a voxel counts as occupied.
+
+    Returns:
+        Shape (count, steps, 6), not limited to the field of view; None for a net without guesses.
+        A hand that is not used is put at a random place outside the cloth.
+    """
+    first = net.encode(torch.stack([initial, goal]))
+    codes, goals = (code.expand(count, *code.shape) for code in first)
+    silhouette = silhouettes(initial).expand(count, -1, -1)
+    drawn = []
+    for step in range(steps):
+        left = torch.full((count,), steps - step, device=codes.device)
+        guesses = net.propose(codes, goals, left)
+        if guesses is None:
+            return None
+        values, both = guesses.draw(generator)
+        outside = random_points_outside(silhouette.cpu(), generator)[:, 1].to(values)
+        values[:, 2:4] = torch.where(both[:, None], values[:, 2:4], outside)
+        drawn.append(values)
+        if step + 1 < steps:
+            codes = net.manipulate(codes, values)
+            silhouette = silhouettes(net.decode(codes) >= threshold)
+    return torch.stack(drawn, 1)
