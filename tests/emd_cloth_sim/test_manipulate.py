@@ -1,13 +1,19 @@
 """Claims about manipulations without a robot."""
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from emd_cloth_sim.cloth import Cloth
+from emd_cloth_sim import step_data
+from emd_cloth_sim.cloth import REFINEMENT, Cloth
 from emd_cloth_sim.config import ClothConfig, HandPathConfig
 from emd_cloth_sim.hand_path import arc_path
-from emd_cloth_sim.manipulate import manipulate
+from emd_cloth_sim.manipulate import ATTEMPTS, manipulate
 from emd_cloth_sim.neat_folds import NEAT_FOLDS, neat_fold
+from emd_cloth_sim.presets import preset
+from emd_cloth_sim.step_data import StepSettings
 from emd_core.errors import InvalidInputError
 from emd_core.manipulation import Manipulation
 from emd_core.metrics import silhouette_iou
@@ -119,3 +125,46 @@ def test_unknown_fold_is_rejected() -> None:
     """A name that is no fold raises InvalidInputError."""
     with pytest.raises(InvalidInputError):
         neat_fold("swan")
+
+
+def test_a_cloth_goes_back_to_what_it_was() -> None:
+    """From a remembered moment, rest shape and all, the same manipulation gives the same bits."""
+    material = preset("reference", (21, 21))
+    cloth = Cloth(material.cloth)
+    first = Manipulation(np.array([[0.19, 0.0], [np.nan, np.nan]]), np.array([-0.15, 0.02]))
+    second = Manipulation(np.array([[0.0, 0.19], [0.0, -0.19]]), np.array([0.1, 0.02]))
+    manipulate(cloth, first, material.path)
+    moment = cloth.remember()
+    manipulate(cloth, second, material.path)
+    outcomes = []
+    for _ in range(2):
+        cloth.go_back(moment)
+        assert cloth.held_count(0) == cloth.held_count(1) == 0
+        np.testing.assert_array_equal(cloth.positions_in_table, moment.position)
+        assert cloth.check().stretch_p99 < 1.03  # other rest lengths would show here
+        manipulate(cloth, second, material.path)
+        outcomes.append(cloth.positions_in_table)
+    np.testing.assert_array_equal(*outcomes)
+
+
+def test_what_cannot_be_believed_is_simulated_again_in_shorter_substeps(monkeypatch) -> None:
+    """Until it can, three times at most; the last outcome is told as it is."""
+    used = []
+
+    def step_settings(config: ClothConfig, substep: float, substeps: int) -> StepSettings:
+        used.append(substeps)
+        return step_data.step_settings(config, substep, substeps)
+
+    monkeypatch.setattr("emd_cloth_sim.cloth.step_settings", step_settings)
+    move = Manipulation(np.array([[0.19, 0.0], [np.nan, np.nan]]), np.array([-0.1, 0.0]))
+    usual = Cloth(MEDIUM)
+    assert manipulate(usual, move).attempts == 1
+    assert set(used) == {MEDIUM.mesh_substeps}
+    used.clear()
+    strict = replace(MEDIUM, max_stretch=1e-6)
+    cloth = Cloth(strict)
+    outcome = manipulate(cloth, move)
+    assert outcome.attempts == ATTEMPTS and "stretch" in outcome.diagnostics.failure
+    finest = math.ceil(MEDIUM.mesh_substeps * REFINEMENT ** (ATTEMPTS - 1))
+    assert max(used) == finest and min(used) == MEDIUM.mesh_substeps
+    assert cloth.refinement == 0

@@ -120,7 +120,7 @@ def report_lines(found: DataStatistics, most_failures: int = 20) -> list[str]:
         f"{len(found.failures)} failed ({100 * found.failed_share:.1f} %), {found.waiting} done "
         "whose shard is not finished",
         f"{found.unsettled} manipulations ended with the cloth still moving, {found.crossed} with "
-        "small crossings",
+        f"small crossings, {found.repeated} were simulated again in shorter substeps",
     ]
     for failure in found.failures[:most_failures]:
         step = "start" if failure.step < 0 else f"step {failure.step}"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,14 +29,38 @@ from emd_cloth_sim.xpbd import advance_step, undo
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FloatArray
 
+# Substeps of the second attempt over those of the first, and so on.
+REFINEMENT = 1.5
 # A vertex that is wedged in a pile may tremble for ever; so few do not keep the cloth awake.
 MAX_FAST_SHARE = 1e-3
+
+
+@dataclass(frozen=True)
+class ClothMoment:
+    """A cloth that no hand holds, at one moment; made by `Cloth.remember`.
+
+    Attributes:
+        position: Vertices (V, 3), metres.
+        velocity: Likewise, m/s.
+        rest_shape: Lengths and angles at rest, which are a plastic cloth's memory.
+        clean: Whether the cloth passes nowhere through itself.
+    """
+
+    position: NDArray[np.float32]
+    velocity: NDArray[np.float32]
+    rest_shape: tuple[NDArray[Any], ...]
+    clean: bool
 
 
 class Cloth:
     """A rectangular sheet simulated by small-step XPBD; `emd_core.simulated_cloth.SimulatedCloth`.
 
     Deterministic: the same calls give bit-identical positions on the same machine.
+
+    Attributes:
+        config: The sheet and how it is simulated.
+        mesh: The sheet's mesh.
+        refinement: How often the number of substeps is multiplied by 1.5.
     """
 
     def __init__(self, config: ClothConfig | None = None) -> None:
@@ -56,6 +82,7 @@ class Cloth:
         self._memory = contact_memory(self.config)
         self._memory.counts[CLEAN] = 1.0
         self._growth = 1
+        self.refinement = 0
         self._hands = (Hand(), Hand())
         self._slow_time = self.config.settle_time
 
@@ -95,6 +122,43 @@ class Cloth:
         lattice.edge_lengths[:] = pair_lengths(positions, lattice.edges)
         lattice.diagonal_lengths[:] = pair_lengths(positions, lattice.diagonals)
         lattice.hinge_angles[:] = hinge_angles(positions, lattice.hinges)
+
+    def remember(self) -> ClothMoment:
+        """Keep the present moment for `go_back`."""
+        self._undo_crossings()
+        return ClothMoment(
+            self._position.copy(),
+            self._velocity.copy(),
+            tuple(values.copy() for values in self._rest_shape()),
+            bool(self._memory.counts[CLEAN]),
+        )
+
+    def go_back(self, moment: ClothMoment, refinement: int = 0) -> None:
+        """Be as at that moment, with open hands, and go on in shorter substeps.
+
+        Args:
+            moment: Of this cloth.
+            refinement: How often the number of substeps is multiplied by 1.5 from now on.
+        """
+        for hand in range(2):
+            self.release(hand)
+        self._position[:], self._velocity[:] = moment.position, moment.velocity
+        self._state.safe[:] = moment.position
+        for values, remembered in zip(self._rest_shape(), moment.rest_shape, strict=True):
+            values[:] = remembered
+        self._renew_memory()
+        self._memory.counts[[CLEAN, UNSEEN]] = (1.0, 0.0) if moment.clean else (0.0, 1.0)
+        self.refinement = refinement
+        self._slow_time = 0.0
+
+    def _rest_shape(self) -> tuple[NDArray[Any], ...]:
+        lattice = self._constraints.lattice
+        return lattice.edge_lengths, lattice.diagonal_lengths, lattice.hinge_angles
+
+    def _renew_memory(self) -> None:
+        counts = self._memory.counts
+        self._memory = contact_memory(self.config, self._growth)
+        self._memory.counts[[CLEAN, IN_ZONES, UNSEEN]] = counts[[CLEAN, IN_ZONES, UNSEEN]]
 
     def stop(self) -> None:
         """Take all motion out of the cloth."""
@@ -237,16 +301,18 @@ class Cloth:
 
     def _undo_crossings(self) -> None:
         if self._memory.counts[UNSEEN] > 0.0:
-            settings = step_settings(self.config, self.config.step / self.config.mesh_substeps)
+            substeps = self.config.mesh_substeps
+            settings = step_settings(self.config, self.config.step / substeps, substeps)
             undo(self._state, self._constraints, self._memory, settings)
 
     def _advance_step(self, duration: float, start: float, end: float) -> None:
-        substep = duration / self.config.mesh_substeps
+        substeps = math.ceil(self.config.mesh_substeps * REFINEMENT**self.refinement)
+        substep = duration / substeps
         held = self._held(start, end, substep)
         if self.config.rigid_grip:
             self._constraints.lattice.mobility[:] = 1.0
             self._constraints.lattice.mobility[held.vertices] = 0.0
-        settings = step_settings(self.config, substep)
+        settings = step_settings(self.config, substep, substeps)
         first = 0
         while True:
             first = advance_step(
@@ -255,9 +321,7 @@ class Cloth:
             if first == settings.substeps:
                 return
             self._growth *= 2
-            counts = self._memory.counts
-            self._memory = contact_memory(self.config, self._growth)
-            self._memory.counts[[CLEAN, IN_ZONES, UNSEEN]] = counts[[CLEAN, IN_ZONES, UNSEEN]]
+            self._renew_memory()
 
     def _held(self, start: float, end: float, substep: float) -> Held:
         reach = [

@@ -81,6 +81,7 @@ class DataStatistics:
         failures: Those that failed, with step and reason.
         manipulations: In the shards.
         two_handed: Share of the manipulations with two hands.
+        repeated: Manipulations that were simulated more than once, in shorter substeps.
         unsettled: Manipulations after which the cloth did not come to rest within the limit.
         crossed: Manipulations after which the cloth passes through itself at a place or two.
         states: One entry for each number of manipulations done.
@@ -94,6 +95,7 @@ class DataStatistics:
     failures: tuple[SequenceFailure, ...]
     manipulations: int
     two_handed: float
+    repeated: int
     unsettled: int
     crossed: int
     states: tuple[StateStatistics, ...]
@@ -126,7 +128,7 @@ def inspect_data(directory: Path) -> DataStatistics:
         failures += reader.failures
         for sequence in reader:
             sums.add(sequence)
-    unsettled, crossed = _doubts(directory)
+    repeated, unsettled, crossed = _doubts(directory)
     return DataStatistics(
         asked=_asked(directory),
         sequences=sums.sequences,
@@ -134,6 +136,7 @@ def inspect_data(directory: Path) -> DataStatistics:
         failures=tuple(sorted(failures, key=lambda failure: failure.index)),
         manipulations=sums.manipulations,
         two_handed=sums.two_handed / max(1, sums.manipulations),
+        repeated=repeated,
         unsettled=unsettled,
         crossed=crossed,
         states=sums.states(),
@@ -237,19 +240,20 @@ def _unfinished(directory: Path) -> tuple[int, list[SequenceFailure]]:
     return waiting, failures
 
 
-def _doubts(directory: Path) -> tuple[int, int]:
-    """Count manipulations after which the cloth still moved, and those with crossings."""
-    unsettled = crossed = 0
+def _doubts(directory: Path) -> tuple[int, int, int]:
+    """Count manipulations that were repeated, that ended in motion, and that have crossings."""
+    repeated = unsettled = crossed = 0
     for path in sorted(directory.glob(PATTERN)):
         try:
-            arrays = SequenceShard.read(path, ("settled", "crossings")).arrays
+            arrays = SequenceShard.read(path, ("attempts", "settled", "crossings")).arrays
         except InvalidInputError as err:
             if isinstance(err.__cause__, KeyError):
                 continue  # imported data do not tell
             raise
+        repeated += int((arrays["attempts"] > 1).sum())
         unsettled += int((~arrays["settled"]).sum())
         crossed += int((arrays["crossings"] > 0).sum())
-    return unsettled, crossed
+    return repeated, unsettled, crossed
 
 
 def _asked(directory: Path) -> int | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from emd_cloth_sim.reference_path import ReferencePathConfig, reference_offsets
 from emd_core.frames import FloatArray
 from emd_core.manipulation import Manipulation
 
+# Simulations of a manipulation until its outcome can be believed.
+ATTEMPTS = 3
+
 
 @dataclass(frozen=True)
 class ManipulationOutcome:
@@ -26,6 +29,8 @@ class ManipulationOutcome:
         settle_time: Seconds from the release until the cloth rested or the limit was reached.
         settled: Whether it came to rest within the limit.
         diagnostics: Whether the final state can be believed.
+        attempts: How often it was simulated: again from the start, in shorter substeps, as long as
+            the outcome could not be believed, `ATTEMPTS` times at most.
     """
 
     held_counts: tuple[int, int]
@@ -33,6 +38,7 @@ class ManipulationOutcome:
     settle_time: float
     settled: bool
     diagnostics: ClothDiagnostics
+    attempts: int = 1
 
 
 def manipulate(
@@ -45,10 +51,30 @@ def manipulate(
     A grasp point beside the cloth holds nothing; if no hand holds anything, nothing happens. The
     reference's path starts from a cloth without motion whose shape is that of rest, and ends when
     its time is over, whether the cloth has settled or not.
+
+    If the outcome cannot be believed (crumpled cloth may lock under tension), the manipulation is
+    simulated again from its start in shorter substeps.
     """
     config = path_config or HandPathConfig()
-    if isinstance(config, ReferencePathConfig):
-        return _manipulate_as_reference(cloth, manipulation, config)
+    before = cloth.remember()
+    for attempt in range(ATTEMPTS):
+        if attempt > 0:
+            cloth.go_back(before, attempt)
+        if isinstance(config, ReferencePathConfig):
+            outcome = _manipulate_as_reference(cloth, manipulation, config)
+        else:
+            outcome = _manipulate_by_hand(cloth, manipulation, config)
+        if not outcome.diagnostics.failure:
+            break
+    cloth.refinement = 0
+    return replace(outcome, attempts=attempt + 1)
+
+
+def _manipulate_by_hand(
+    cloth: Cloth,
+    manipulation: Manipulation | IndependentManipulation,
+    config: HandPathConfig,
+) -> ManipulationOutcome:
     paths = {}
     for hand in range(2):
         if manipulation.used[hand]:

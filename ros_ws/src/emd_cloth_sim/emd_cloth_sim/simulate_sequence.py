@@ -34,6 +34,7 @@ class _Recorder:
     moves: list[NDArray[Any]] = field(default_factory=list)
     crossings: list[int] = field(default_factory=list)
     settled: list[bool] = field(default_factory=list)
+    attempts: list[int] = field(default_factory=list)
 
     def note_state(self, cloth: Cloth) -> None:
         """Keep how the cloth lies."""
@@ -55,6 +56,7 @@ class _Recorder:
         self.moves.append(self.field_of_view.normalised_from_table(moves))
         self.crossings.append(outcome.diagnostics.crossings)
         self.settled.append(outcome.settled)
+        self.attempts.append(outcome.attempts)
 
     def arrays(self, index: int) -> dict[str, NDArray[Any]]:
         """Give the arrays of a shard with this one sequence."""
@@ -65,6 +67,7 @@ class _Recorder:
             "moves": np.array([self.moves], dtype=np.float32),
             "crossings": np.array([self.crossings], dtype=np.int16),
             "settled": np.array([self.settled], dtype=bool),
+            "attempts": np.array([self.attempts], dtype=np.uint8),
             "indices": np.array([index], dtype=np.int64),
         }
 
@@ -132,5 +135,6 @@ def _empty(config: GenerationConfig) -> dict[str, NDArray[Any]]:
         "moves": np.empty((0, steps, *moves), dtype=np.float32),
         "crossings": np.empty((0, steps), dtype=np.int16),
         "settled": np.empty((0, steps), dtype=bool),
+        "attempts": np.empty((0, steps), dtype=np.uint8),
         "indices": np.empty(0, dtype=np.int64),
     }

@@ -259,8 +259,8 @@ def contact_memory(config: ClothConfig, growth: int = 1) -> ContactMemory:
     )
 
 
-def step_settings(config: ClothConfig, substep: float) -> StepSettings:
-    """Work out the numbers of a step from the config and the substep in seconds."""
+def step_settings(config: ClothConfig, substep: float, substeps: int) -> StepSettings:
+    """Work out the numbers of a step from the config, the substep in seconds and their count."""
     scale = config.vertex_mass / substep**2
     # An edge stands for a strip one spacing wide, three vertices in a row for one cell's bending.
     aspect = config.spacing[0] / config.spacing[1]
@@ -270,7 +270,7 @@ def step_settings(config: ClothConfig, substep: float) -> StepSettings:
     single, weave = np.float32, config.membrane == "weave"
     return StepSettings(
         substep=single(substep),
-        substeps=config.mesh_substeps,
+        substeps=substeps,
         gravity=np.array(config.gravity, dtype=np.float32),
         keep_speed=single(math.exp(-config.damping * substep)),
         max_speed=single(config.max_speed),

@@ -8,7 +8,8 @@ A shard is an .npz of N sequences of L manipulations each:
   has one of its own, NaN for an unused hand;
 - `states` float16 (N, L + 1, V, 3): normalised vertices of the mid-surface, row by row;
 - `indices` int64 (N,): number of the sequence in the whole data set;
-- perhaps `crossings` int16 (N, L) and `settled` bool (N, L): the simulation's own doubts;
+- perhaps `crossings` int16 (N, L), `settled` bool (N, L) and `attempts` uint8 (N, L): the
+  simulation's own doubts;
 - `meta`: a JSON object as a string: `format`, provenance, `failures`, `processors`.
 """
 
