@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from emd_cloth_sim.broad_phase import make_patches
 from emd_cloth_sim.config import ClothConfig
@@ -100,12 +101,22 @@ def diagnose(
 
 
 def count_crossings(position: FloatArray, mesh: SheetMesh, vertices: tuple[int, int]) -> int:
-    """Count the pairs of a triangle's side and a triangle, without a common vertex, that cross.
+    """Count what `list_crossings` lists."""
+    return len(list_crossings(position, mesh, vertices))
+
+
+def list_crossings(
+    position: FloatArray, mesh: SheetMesh, vertices: tuple[int, int]
+) -> NDArray[np.int32]:
+    """List the pairs of a triangle's side and a triangle, without a common vertex, that cross.
 
     Args:
         position: Shape (V, 3), metres.
         mesh: The sheet.
         vertices: Its counts of vertices along x and y.
+
+    Returns:
+        The side's two vertices, then the triangle's three, shape (M, 5), `MAX_LISTED` at most.
     """
     found = np.empty((MAX_LISTED, 5), dtype=np.int32)
     total = find_crossings(
@@ -118,4 +129,4 @@ def count_crossings(position: FloatArray, mesh: SheetMesh, vertices: tuple[int, 
     )
     listed = found[: min(total, MAX_LISTED)]
     listed[:, :2].sort(axis=1)
-    return len(np.unique(listed, axis=0))
+    return np.unique(listed, axis=0)

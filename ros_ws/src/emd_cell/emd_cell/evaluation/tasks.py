@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from emd_cloth_sim.config import ClothConfig
-from emd_cloth_sim.mesh import flat_positions
+from emd_cloth_sim.mesh import build_mesh, flat_positions
 from emd_cloth_sim.neat_folds import NEAT_FOLDS, neat_fold
 from emd_cloth_sim.replay import resample_sheet, vertex_order
+from emd_cloth_sim.slight_crossings import part_slight_crossings
 from emd_core.cloth_sequence import ClothSequence
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FieldOfView, FloatArray
@@ -154,12 +155,15 @@ def _parts(
         for picks, move in zip(sequence.picks, sequence.moves, strict=True)
     ]
     height = float(fov.table_from_normalised(sequence.surface_height))
+    mesh, size = build_mesh((vertices, vertices), (1.0, 1.0)), (vertices, vertices)
+    # Stored vertices are rounded, by which layers that touch may cross.
+    starts = [part_slight_crossings(state, mesh, size) for state in states[:-1]]
     for count in steps:
         for first in range(len(sequence) - count + 1):
             yield Task(
                 f"{name}.{first}.{count}",
                 str(count),
-                states[first],
+                starts[first],
                 states[first + count],
                 tuple(manipulations[first : first + count]),
                 height,
