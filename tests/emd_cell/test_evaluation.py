@@ -46,7 +46,7 @@ def test_every_part_of_a_sequence_is_a_task(tasks: list[Task]) -> None:
     assert [task.steps for task in tasks] == 3 * [1, 1, 2]
     for one, two, both in zip(tasks[::3], tasks[1::3], tasks[2::3], strict=True):
         np.testing.assert_allclose(one.goal, two.start, atol=1e-4)
-        np.testing.assert_allclose(both.start, one.start) and np.array_equal(both.goal, two.goal, atol=1e-4)
+        assert np.array_equal(both.start, one.start) and np.array_equal(both.goal, two.goal)
         assert both.recorded == one.recorded + two.recorded
 
 

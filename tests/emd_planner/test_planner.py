@@ -7,7 +7,7 @@ import math
 import pytest
 import torch
 
-from emd_core.errors import CancelledError
+from emd_core.errors import CancelledError, InvalidInputError
 from emd_planner.config import PlannerConfig
 from emd_planner.planner import search
 from emd_planner.starts import random_values
@@ -168,3 +168,19 @@ def test_starts_lie_on_the_cloth_and_depend_on_the_seed():
     assert (x >= -0.75).all() and (x < -0.5).all()
     assert (y >= 0.25).all() and (y < 0.875).all()
     assert one[..., 4:].std() > 0.5
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"goal_cost": "best"},
+        {"restarts": 0},
+        {"guessed_share": 1.5},
+        {"hem_weight": -1.0},
+        {"reach_weight": math.nan},
+    ],
+)
+def test_settings_out_of_range_are_refused(values):
+    """The setting is named."""
+    with pytest.raises(InvalidInputError, match=next(iter(values))):
+        PlannerConfig(**values)

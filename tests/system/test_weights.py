@@ -1,5 +1,6 @@
 """A planner without usable weights says so, lives on, and takes good ones while it runs."""
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -27,7 +28,11 @@ NAMESPACE = "/without_weights"
 def planner(ros_domain, tmp_path_factory) -> Iterator[Launcher]:
     """A planner that was told of weights which do not exist."""
     folder = tmp_path_factory.mktemp("planner")
-    parameters = {"weights": str(folder / "missing.safetensors"), "search.max_iterations": 3}
+    parameters = {
+        "weights": str(folder / "missing.safetensors"),
+        "search.max_iterations": 3,
+        "keep_out": [0.3, 0.3, 0.4, 0.3, 0.4, 0.4, math.nan, -0.4, -0.4, -0.3, -0.4, -0.3, -0.3],
+    }
     spec = NodeSpec(
         "planner", "emd_planner.ros.planner_node", parameters, restart=False, namespace=NAMESPACE
     )

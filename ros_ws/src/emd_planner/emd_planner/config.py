@@ -250,6 +250,15 @@ class PlannerConfig:
         grasp_weight: Weight beside loss_s of the distance from the cloth (normalised) in steps in
             which no hand grasps it (ours).
         reach_weight: Weight of the reach loss (normalised distance) beside loss_s (V-B).
+        arms_may_cross: Whether the hand at larger y may go to the left arm (ours).
+        silhouette_weight: Weight of the silhouettes' squared difference; 0: none (ours).
+        hem_weight: Weight of the distance of grasps from the silhouette's edge, where a hem can
+            be gripped; 0: none (ours).
+        keep_out_weight: Weight of the depth of points and ways in the regions that `plan` is told
+            to keep out of (ours).
+        move_weight: Weight of the displacements' lengths; 0: none (ours).
+        hands_apart_weight: Weight of what two hands lack of `hands_apart`; 0: none (ours).
+        hands_apart: Least distance of two hands that grasp, metres.
     """
 
     restarts: int = 10
@@ -277,6 +286,34 @@ class PlannerConfig:
     threshold: float = 0.5
     grasp_weight: float = 1.0
     reach_weight: float = 1.0
+    arms_may_cross: bool = True
+    silhouette_weight: float = 0.0
+    hem_weight: float = 0.0
+    keep_out_weight: float = 1.0
+    move_weight: float = 0.0
+    hands_apart_weight: float = 0.0
+    hands_apart: float = 0.08
+
+    def __post_init__(self) -> None:
+        """Check the ranges.
+
+        Raises:
+            InvalidInputError: If a value is out of its range.
+        """
+        if self.goal_cost not in ("squared", "expected"):
+            raise InvalidInputError(
+                f"goal_cost must be 'squared' or 'expected', got {self.goal_cost!r}"
+            )
+        for name in ("restarts", "max_iterations", "max_steps"):
+            if getattr(self, name) < 1:
+                raise InvalidInputError(f"{name} must be 1 or more, got {getattr(self, name)}")
+        for name in ("guessed_share", "single_handed_share", "threshold"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise InvalidInputError(f"{name} must be in 0..1, got {getattr(self, name)}")
+        weights = [name for name in vars(self) if name.endswith("_weight")]
+        for name in ("candidates", "halve_every", "hands_apart", *weights):
+            if not getattr(self, name) >= 0.0:
+                raise InvalidInputError(f"{name} must be 0 or more, got {getattr(self, name)}")
 
 
 # Planners by name. "paper" is III-C to the letter; "ours" starts on the cloth, wherever it lies,

@@ -48,6 +48,22 @@ def expected_goal_term(goal: Tensor) -> Term:
     return cost
 
 
+def silhouette_term(goal: Tensor) -> Term:
+    """Mean squared difference of the last state's silhouette and the goal's (ours).
+
+    Columns are filled from the desk, so the lowest voxel of a column is the silhouette.
+
+    Args:
+        goal: Boolean or real, shape (X, Y, Z).
+    """
+    wanted = goal[..., 0].float()
+
+    def cost(states: Tensor, manipulations: Tensor) -> Tensor:
+        return (states[:, -1, :, :, 0] - wanted).square().flatten(1).mean(1)
+
+    return cost
+
+
 def reach_term(reach: ReachLoss, initial: Tensor, tolerance_voxels: int, threshold: float) -> Term:
     """Distance of grasp and release points from the arms' reach, summed over steps (V-B).
 

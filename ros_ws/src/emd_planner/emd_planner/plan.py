@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,20 +15,12 @@ from torch import Tensor
 from emd_core.errors import InvalidInputError, NoPlanError
 from emd_core.manipulation import Manipulation
 from emd_core.voxel_grid import VoxelGrid
-from emd_planner.config import PlannerConfig, ReachConfig
-from emd_planner.cost import (
-    expected_goal_term,
-    goal_term,
-    grasp_term,
-    grasps_cloth,
-    reach_term,
-    states_before,
-    weighted_sum,
-)
+from emd_planner.config import PlannerConfig, Polygon, ReachConfig
+from emd_planner.cost import grasps_cloth, states_before
 from emd_planner.losses import state_loss
+from emd_planner.plan_cost import plan_cost
 from emd_planner.planner import SearchProgress, SearchResult, search
 from emd_planner.planning_net import in_bfloat16
-from emd_planner.reach import ReachLoss
 from emd_planner.silhouette import onto_silhouette, silhouettes
 from emd_planner.starts import guessed_values, random_values
 from emd_planner.state_predictor import StatePredictor
@@ -96,6 +88,7 @@ def plan(
     seed: int = 0,
     on_iteration: Callable[[PlanningProgress], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
+    keep_out: Sequence[Polygon] = (),
 ) -> FoldPlan:
     """Find manipulations that lead from the initial to the goal state.
 
@@ -111,6 +104,8 @@ def plan(
             the time budget ends it).
         on_iteration: Told of the progress after every iteration.
         should_stop: Asked before every iteration.
+        keep_out: Corners (x, y) of convex regions, metres, table frame, in which no hand shall
+            grasp, release or pass.
 
     Raises:
         InvalidInputError: If grids, net and steps do not fit each other.
@@ -120,7 +115,7 @@ def plan(
     started = time.monotonic()
     config = config or PlannerConfig()
     _check(net, initial, goal, steps)
-    planner = _Planner(net, initial, goal, config, reach, on_iteration, should_stop)
+    planner = _Planner(net, initial, goal, config, reach, keep_out, on_iteration, should_stop)
     tried = [steps] if steps > 0 else list(range(1, config.max_steps + 1))
     candidates = []
     for count in tried:
@@ -148,6 +143,7 @@ class _Planner:
         goal: VoxelGrid,
         config: PlannerConfig,
         reach: ReachConfig | None,
+        keep_out: Sequence[Polygon],
         on_iteration: Callable[[PlanningProgress], None] | None,
         should_stop: Callable[[], bool] | None,
     ) -> None:
@@ -165,18 +161,7 @@ class _Planner:
             self.code = net.encode(self.initial[None])
             reconstruction = state_loss(net.decode(self.code), self.initial.float())
         self.reconstruction_loss = float(reconstruction)
-        tolerance, threshold = config.grasp_tolerance_voxels, config.threshold
-        goal_cost = goal_term if config.goal_cost == "squared" else expected_goal_term
-        terms = [(1.0, goal_cost(self.goal))]
-        if config.grasp_weight > 0.0:
-            terms.append((config.grasp_weight, grasp_term(self.initial, tolerance, threshold)))
-        self.reach_term = None
-        if reach is not None:
-            loss = ReachLoss(reach, self.field_of_view, self.device)
-            self.reach_term = reach_term(loss, self.initial, tolerance, threshold)
-            terms.append((config.reach_weight, self.reach_term))
-        self.cost = weighted_sum(terms)
-        self.needs_every_state = len(terms) > 1
+        self.cost = plan_cost(config, self.initial, self.goal, self.field_of_view, reach, keep_out)
 
     def best(self, steps: int, seed: int, time_budget: float) -> _Candidate | None:
         """Search, and give the best restart that grasps cloth in every step."""
@@ -192,7 +177,7 @@ class _Planner:
 
         found = search(
             self._predict,
-            self.cost,
+            self.cost.total,
             starts,
             _with_budget(config, time_budget),
             told,
@@ -236,7 +221,7 @@ class _Planner:
         """Keep the `restarts` starts that are predicted to cost least."""
         if len(starts) == self.config.restarts:
             return starts
-        costs = self.cost(self._predict(starts), starts).nan_to_num(torch.inf)
+        costs = self.cost.total(self._predict(starts), starts).nan_to_num(torch.inf)
         return starts[costs.argsort(stable=True)[: self.config.restarts]]
 
     def fold_plan(self, candidate: _Candidate, elapsed_ms: float) -> FoldPlan:
@@ -263,7 +248,7 @@ class _Planner:
         """Predict states (A, n, X, Y, Z), those before the last without gradients."""
         codes = self.fast_net.roll_out(self.code.expand(len(values), *self.code.shape[1:]), values)
         last = self.fast_net.decode(codes[-1])[:, None]
-        if len(codes) == 1 or not self.needs_every_state:
+        if len(codes) == 1 or not self.cost.needs_every_state:
             return last
         with torch.no_grad():
             before = self.fast_net.decode(torch.cat(codes[:-1]))
@@ -287,9 +272,9 @@ class _Planner:
             hands = used[row, 0]
             points[hands] = onto_silhouette(points[hands], silhouettes(self.initial))
         excess = 0.0
-        if self.reach_term is not None:
+        if self.cost.reach is not None:
             rows = slice(row, row + 1)
-            excess = float(self.reach_term(states[rows], found.values[rows]))
+            excess = float(self.cost.reach(states[rows], found.values[rows]))
         return _Candidate(
             found.values[row],
             used[row],

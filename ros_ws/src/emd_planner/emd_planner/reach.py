@@ -55,21 +55,43 @@ def distance_to_polygon(points: Tensor, corners: Tensor) -> Tensor:
     return torch.where(inside, torch.zeros_like(distance), distance)
 
 
+def depth_in_polygon(points: Tensor, corners: Tensor) -> Tensor:
+    """Distance to the outside of a convex region, 0 outside it.
+
+    Args:
+        points: Shape (..., 2).
+        corners: Counter-clockwise, shape (N, 2), same unit.
+
+    Returns:
+        Shape (...).
+    """
+    edges = corners.roll(-1, 0) - corners
+    lengths = edges.square().sum(-1).clamp_min(1e-12).sqrt()
+    depths = _cross(edges, points[..., None, :] - corners) / lengths
+    return depths.amin(-1).clamp_min(0.0)
+
+
 class ReachLoss:
     """0 where both hands stay within reach, else how far out they are (V-B).
 
     The two hands of a manipulation go to different arms, in whichever of the two ways leaves less
-    distance. A hand that grasps nothing is not constrained.
+    distance, or if arms must not cross, the hand at smaller y to the left arm. A hand that grasps
+    nothing is not constrained.
     """
 
     def __init__(
-        self, config: ReachConfig, field_of_view: FieldOfView, device: torch.device
+        self,
+        config: ReachConfig,
+        field_of_view: FieldOfView,
+        device: torch.device,
+        may_cross: bool = True,
     ) -> None:
         """Prepare the regions.
 
         Raises:
             InvalidInputError: If a polygon is not convex.
         """
+        self._may_cross = may_cross
         self._regions = [
             normalised_polygon(polygon, field_of_view).to(device)
             for polygon in (config.left, config.right)
@@ -93,7 +115,11 @@ class ReachLoss:
         )
         straight = left[..., 0] + right[..., 1]
         crossed = right[..., 0] + left[..., 1]
-        return torch.minimum(straight, crossed)
+        least = torch.minimum(straight, crossed)
+        if self._may_cross:
+            return least
+        ordered = torch.where(grasps[..., 0, 1] <= grasps[..., 1, 1], straight, crossed)
+        return torch.where(used.all(-1), ordered, least)
 
 
 def _cross(a: Tensor, b: Tensor) -> Tensor:

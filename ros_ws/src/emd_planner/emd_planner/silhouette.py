@@ -19,6 +19,11 @@ def dilate(silhouette: Tensor, voxels: int) -> Tensor:
     return wide
 
 
+def edge_columns(silhouette: Tensor) -> Tensor:
+    """Give the columns of boolean silhouettes (..., X, Y) that have an empty one beside them."""
+    return silhouette & dilate(~silhouette, 1)
+
+
 def onto_silhouette(points: Tensor, silhouette: Tensor) -> Tensor:
     """Move points that lie beside a silhouette to the middle of its nearest column.
 

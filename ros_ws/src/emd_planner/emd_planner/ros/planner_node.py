@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import sys
 from collections.abc import Callable
 from typing import Any
 
+from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from visualization_msgs.msg import MarkerArray
 
 from emd_core.errors import InvalidInputError, NoObservationError
@@ -41,6 +44,7 @@ class PlannerNode(Node):
         super().__init__("planner")
         self._config = declare_config(self, PLANNERS["ours"], "search.")
         self._reach = self._declare_reach()
+        self._keep_out = self._declare_keep_out()
         device = resolve_device(self.declare_parameter("device", "auto").value)
         self._net = ServedNet(self, device)
         self._latest: VoxelGridMsg | None = None
@@ -67,6 +71,27 @@ class PlannerNode(Node):
                 )
             polygons.append(_corners(values))
         return ReachConfig(*polygons) if all(polygons) else None
+
+    def _declare_keep_out(self) -> tuple[Polygon, ...]:
+        """Read convex regions, given as x0 y0 x1 y1 ... in metres, NaN between regions."""
+        text = "x y of each corner, metres, table frame; NaN between regions; empty: none"
+        descriptor = ParameterDescriptor(description=text)
+        self.declare_parameter("keep_out", Parameter.Type.DOUBLE_ARRAY, descriptor)
+        nothing = Parameter("keep_out", Parameter.Type.DOUBLE_ARRAY, [])
+        values = self.get_parameter_or("keep_out", nothing).value
+        regions: list[list[float]] = [[]]
+        for value in values:
+            if math.isnan(value):
+                regions.append([])
+            else:
+                regions[-1].append(value)
+        regions = [region for region in regions if region]
+        for region in regions:
+            if len(region) % 2 or len(region) < 6:
+                raise InvalidInputError(
+                    f"a region of keep_out needs x y of at least three corners, got {region}"
+                )
+        return tuple(_corners(region) for region in regions)
 
     def _on_grid(self, message: VoxelGridMsg) -> None:
         self._latest = message
@@ -118,6 +143,7 @@ class PlannerNode(Node):
             request.seed,
             None if publish is None else on_iteration,
             should_stop,
+            self._keep_out,
         )
         result.plan = plan_to_message(found, self._table_header())
         result.loss = found.predicted_loss
