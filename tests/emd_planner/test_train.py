@@ -38,7 +38,7 @@ def data(shard_directory):
 
 
 def test_a_net_overfits_four_examples(data):
-    """With the default recipe, only quicker, the loss on four examples falls to a tenth."""
+    """With our recipe, only quicker, the loss on four examples falls to a tenth."""
     config = dataclasses.replace(TrainingConfig(), learning_rate=3e-3, consistency_weight=0.01)
     net = EmdNet(
         EmdNetConfig(
@@ -94,7 +94,7 @@ def test_the_papers_recipe_lowers_both_losses(data, small_config):
     assert last.state < 0.7 * first.state
 
 
-@pytest.mark.parametrize("recipe", ["default", "paper"])
+@pytest.mark.parametrize("recipe", ["ours", "paper"])
 def test_an_interrupted_run_ends_with_the_same_weights(data, small_config, tmp_path, recipe):
     """A run stopped after 3 of 6 batches and started again equals one without a break."""
     config = dataclasses.replace(RECIPES[recipe], batch_size=4, augmentation=QUARTER_TURNS)

@@ -316,8 +316,8 @@ class PlannerConfig:
                 raise InvalidInputError(f"{name} must be 0 or more, got {getattr(self, name)}")
 
 
-# Planners by name. "paper" is III-C to the letter; "ours" starts from what the net guesses, expects
-# the error of what it is unsure of, and lets no step go by without a grasp.
+# Planners by name. "paper" is III-C to the letter; "ours" starts from what the net guesses, counts
+# what it is unsure of, and lets no step go by without a grasp.
 PLANNERS: dict[str, PlannerConfig] = {
     "paper": PlannerConfig(max_displacement=1.0, start_on_cloth=False, grasp_weight=0.0),
     "ours": PlannerConfig(
@@ -375,9 +375,10 @@ class ReachConfig:
     )
 
 
-# What `--recipe` chooses from; "paper" is III-B to the letter.
+# What `--recipe` chooses from, each with the net that is its own; "paper" is III-B to the letter.
+RECIPE_NETS = {"ours": "spatial", "paper": "emd"}
 RECIPES: dict[str, TrainingConfig] = {
-    "default": TrainingConfig(),
+    "ours": TrainingConfig(),
     "paper": TrainingConfig(
         recipe="manhattan",
         batch_size=16,

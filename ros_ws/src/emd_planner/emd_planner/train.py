@@ -20,7 +20,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from emd_core.errors import CellError, InvalidInputError
 from emd_planner.architectures import ARCHITECTURES, NetConfig
-from emd_planner.config import RECIPES, TrainingConfig
+from emd_planner.config import RECIPE_NETS, RECIPES, TrainingConfig
 from emd_planner.dataset import SequenceSet
 from emd_planner.device import resolve_device
 from emd_planner.memory import keep_freed_memory
@@ -122,7 +122,7 @@ def main(arguments: list[str] | None = None) -> int:
 
             weights = train(
                 data,
-                ARCHITECTURES[options.net](),
+                ARCHITECTURES[options.net or RECIPE_NETS[options.recipe]](),
                 _training_config(options),
                 run,
                 on_row=lambda row: console.print(_describe(row)),
@@ -170,8 +170,8 @@ def _parse(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m emd_planner.train", description=__doc__)
     parser.add_argument("--data", type=Path, nargs="+", required=True, metavar="DIR")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
-    parser.add_argument("--net", choices=sorted(ARCHITECTURES), default="spatial")
-    parser.add_argument("--recipe", choices=sorted(RECIPES), default="default")
+    parser.add_argument("--net", choices=sorted(ARCHITECTURES), help="default: the recipe's own")
+    parser.add_argument("--recipe", choices=sorted(RECIPES), default="ours")
     parser.add_argument("--minutes", type=float, default=0.0, help="of training, in all")
     parser.add_argument("--iterations", type=int, default=0, help="batches, in all")
     parser.add_argument("--device", default="auto", help="auto, cpu or cuda")
