@@ -31,6 +31,7 @@ from emd_core.manipulation import Manipulation
 from emd_core.metrics import voxel_mse
 from emd_core.voxel_grid import voxelise
 from emd_planner.config import PLANNERS, PlannerConfig, ReachConfig
+from emd_planner.memory import keep_freed_memory
 from emd_planner.plan import plan
 from emd_planner.weights import load_net
 
@@ -41,6 +42,7 @@ STEPS = (1, 2, 3)
 
 def run() -> BenchmarkResult:
     """Plan every task with every planner, number of steps and seed; execute the plans."""
+    keep_freed_memory()
     net, rows = load_net(), []
     _task(net, PLANNERS["ours"], TASKS[0], 1, 0)  # what is done once only
     tasks = [(steps, name, seed) for steps in STEPS for name in TASKS for seed in SEEDS]

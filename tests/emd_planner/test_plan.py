@@ -85,6 +85,7 @@ def test_plan_carries_the_cloth_to_the_goal(patch_at):
     assert on_cloth.all()
     assert silhouette_iou(found.predicted_grids[0], goal) > 0.7
     assert found.predicted_loss < 0.1 * found.initial_loss
+    assert found.predicted_loss < found.expected_error < found.initial_loss
     assert found.predicted_probabilities.shape == (1, 32, 32, 16)
     assert found.planning_ms > 0.0
     assert found.reach_excess == 0.0

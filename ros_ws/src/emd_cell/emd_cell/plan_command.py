@@ -10,6 +10,7 @@ from emd_cell.goals import load_goal
 from emd_core.voxel_grid import VoxelGrid
 from emd_core.whole_file import write_text
 from emd_planner.config import ReachConfig
+from emd_planner.memory import keep_freed_memory
 from emd_planner.plan import plan
 from emd_planner.weights import load_net
 
@@ -24,6 +25,7 @@ def plan_files(
         ModelError: If the weights cannot be used.
         NoPlanError: If the search finds nothing.
     """
+    keep_freed_memory()
     found = plan(
         load_net(weights),
         VoxelGrid.load(initial),
@@ -35,6 +37,7 @@ def plan_files(
     entry = {
         "manipulations": [item.as_entry() for item in found.manipulations],
         "predicted_mse": found.predicted_loss,
+        "expected_mse": found.expected_error,
         "initial_mse": found.initial_loss,
         "reconstruction_mse": found.reconstruction_loss,
         "plan_ms": found.planning_ms,

@@ -16,7 +16,7 @@ from emd_core.errors import InvalidInputError, NoPlanError
 from emd_core.manipulation import Manipulation
 from emd_core.voxel_grid import VoxelGrid
 from emd_planner.config import PlannerConfig, Polygon, ReachConfig
-from emd_planner.cost import grasps_cloth, states_before
+from emd_planner.cost import expected_goal_term, grasps_cloth, states_before
 from emd_planner.losses import state_loss
 from emd_planner.plan_cost import plan_cost
 from emd_planner.planner import SearchProgress, SearchResult, search
@@ -48,7 +48,10 @@ class FoldPlan:
         predicted_probabilities: After each manipulation, shape (n, X, Y, Z), float32, 0..1.
         predicted_grids: The same, thresholded.
         predicted_loss: loss_s of the last prediction with respect to the goal.
-        initial_loss: The same of the initial state: what doing nothing scores.
+        expected_error: Voxel MSE to be expected of the executed plan's outcome with respect to the
+            goal, if the net's probabilities are right: predicted_loss and what the net is unsure
+            of. A plan is worth executing if this is less than what the present state scores.
+        initial_loss: loss_s of the initial state: what doing nothing scores.
         reconstruction_loss: loss_s of D(E(initial)) to the initial state: how well the net knows
             states like this one. A gain smaller than it is within the net's own error.
         reach_excess: Metres by which grasp and release points lie outside the arms' reach,
@@ -61,6 +64,7 @@ class FoldPlan:
     predicted_probabilities: NDArray[np.float32]
     predicted_grids: list[VoxelGrid]
     predicted_loss: float
+    expected_error: float
     initial_loss: float
     reconstruction_loss: float
     reach_excess: float
@@ -237,6 +241,7 @@ class _Planner:
             states,
             [VoxelGrid(state >= self.config.threshold, self.field_of_view) for state in states],
             candidate.loss,
+            float(expected_goal_term(self.goal)(candidate.states[None], candidate.values[None])),
             float((self.initial != self.goal).float().mean()),
             self.reconstruction_loss,
             candidate.reach_excess,

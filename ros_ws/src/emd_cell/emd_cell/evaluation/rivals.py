@@ -14,6 +14,7 @@ from emd_core.frames import FloatArray
 from emd_core.manipulation import Manipulation
 from emd_core.voxel_grid import VoxelGrid
 from emd_planner.config import PLANNERS, PlannerConfig, ReachConfig
+from emd_planner.memory import keep_freed_memory
 from emd_planner.plan import plan
 from emd_planner.state_predictor import StatePredictor
 from emd_planner.weights import load_net
@@ -156,7 +157,10 @@ def make_rivals(
     unknown = sorted(set(names) - set(known))
     if unknown:
         raise InvalidInputError(f"planners must be of {', '.join(known)}, got {unknown}")
-    net = load_net(weights) if set(names) & set(PLANNERS) else None
+    net = None
+    if set(names) & set(PLANNERS):
+        keep_freed_memory()
+        net = load_net(weights)
     rivals: dict[str, Rival] = {}
     for name in names:
         if name in PLANNERS:

@@ -49,14 +49,14 @@ class Plan:
         manipulations: In the order of execution.
         predicted_grids: Expected state after each.
         predicted_loss: loss_s of the last one to the goal.
-        reconstruction_loss: loss_s with which the net reproduces the initial state.
+        expected_error: Voxel MSE to be expected of the outcome.
         planning_ms: Milliseconds that planning took.
     """
 
     manipulations: list[Manipulation]
     predicted_grids: list[VoxelGrid]
     predicted_loss: float
-    reconstruction_loss: float
+    expected_error: float
     planning_ms: float
 
 
@@ -144,7 +144,7 @@ class CellClient(Node):
             [conversions.manipulation_from_message(item) for item in result.plan.manipulations],
             [conversions.voxel_grid_from_message(item) for item in result.plan.predicted_grids],
             result.loss,
-            result.plan.reconstruction_loss,
+            result.plan.expected_error,
             conversions.time_from_message(result.planning_time) * 1e3,
         )
 

@@ -114,12 +114,12 @@ class FoldingLoop:
             return self._carry_out(self._plan(seen, remaining, seed), step)
 
     def _improve(self, seen: VoxelGrid) -> VoxelGrid | None:
-        """Carry out one more manipulation; None if no gain beyond the net's own error is seen."""
+        """Carry out one more manipulation; None if no gain is to be expected."""
         try:
             plan = self._plan(seen, 1, self._config.seed)
         except NoPlanError:
             return None
-        if plan.predicted_loss + plan.reconstruction_loss >= voxel_mse(seen, self._goal):
+        if plan.expected_error >= voxel_mse(seen, self._goal):
             return None
         with self._reported_step() as step:
             return self._carry_out(plan, step)

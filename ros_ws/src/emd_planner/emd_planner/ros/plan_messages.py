@@ -24,6 +24,7 @@ def plan_to_message(found: FoldPlan, header: Header) -> FoldPlanMsg:
             conversions.voxel_grid_to_message(grid, header) for grid in found.predicted_grids
         ],
         predicted_loss=found.predicted_loss,
+        expected_error=found.expected_error,
         reconstruction_loss=found.reconstruction_loss,
     )
 

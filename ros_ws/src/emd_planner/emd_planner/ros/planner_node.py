@@ -27,6 +27,7 @@ from emd_msgs_py.msg import VoxelGrid as VoxelGridMsg
 from emd_msgs_py.srv import PlanFold as PlanFoldService
 from emd_planner.config import PLANNERS, Polygon, ReachConfig
 from emd_planner.device import resolve_device
+from emd_planner.memory import keep_freed_memory
 from emd_planner.plan import FoldPlan, PlanningProgress, plan
 from emd_planner.ros.plan_messages import plan_to_message, progress_to_feedback
 from emd_planner.ros.served_net import ServedNet
@@ -177,6 +178,7 @@ def _corners(values: list[float]) -> Polygon:
 
 def main() -> int:
     """Run the node until interrupted."""
+    keep_freed_memory()
     return spin_node(PlannerNode)
 
 
