@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from emd_cell.evaluation.execution import perform, unwrapped
 from emd_cell.evaluation.rivals import NetPlanner, make_rivals, within_reach
@@ -166,3 +167,18 @@ def test_unknown_names_are_refused(tasks: list[Task]) -> None:
         Evaluation(tasks, ("dreams",), "replan", TOWEL)
     with pytest.raises(InvalidInputError, match="mode"):
         Evaluation(tasks, ("nothing",), "closed", TOWEL)
+
+
+def test_the_shipped_net_predicts_neat_folds() -> None:
+    """Of one step: much better than that nothing changes, or that the cloth is gone."""
+    net = load_net()
+    for task in neat_tasks(preset("towel", (41, 41)).cloth):
+        if task.steps > 1 or task.name == "corner":
+            continue
+        start, goal = task.grid(task.start), task.grid(task.goal).occupancy
+        hands = task.recorded[0].to_network(task.field_of_view)
+        hands = torch.from_numpy(np.nan_to_num(hands, nan=0.95)).float()
+        predicted = net.predict(torch.from_numpy(start.occupancy)[None], hands[None, None])
+        error = np.square(predicted[0].numpy() - goal).mean()
+        assert error < 0.3 * (start.occupancy != goal).mean(), task.name
+        assert error < 0.3 * goal.mean(), task.name

@@ -9,7 +9,7 @@ from typing import Any
 from emd_cell.goals import load_goal
 from emd_core.voxel_grid import VoxelGrid
 from emd_core.whole_file import write_text
-from emd_planner.config import ReachConfig
+from emd_planner.config import PLANNERS, ReachConfig
 from emd_planner.memory import keep_freed_memory
 from emd_planner.plan import plan
 from emd_planner.weights import load_net
@@ -31,8 +31,9 @@ def plan_files(
         VoxelGrid.load(initial),
         load_goal(goal).grid,
         steps,
-        reach=ReachConfig(),
-        seed=seed,
+        PLANNERS["ours"],
+        ReachConfig(),
+        seed,
     )
     entry = {
         "manipulations": [item.as_entry() for item in found.manipulations],
