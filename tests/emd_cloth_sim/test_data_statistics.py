@@ -73,6 +73,21 @@ def test_unfinished_data_set_is_counted(tmp_path: Path) -> None:
         assert found.sequences + found.waiting + len(found.failures) == (2 if not shards else 5)
 
 
+def test_what_older_data_tell_is_counted_without_what_they_lack(
+    data: Path, tmp_path: Path
+) -> None:
+    """Data without `attempts` still say after which manipulations the cloth moved or crossed."""
+    for path in sorted(data.glob("shard_*.npz")):
+        with np.load(path) as stored:
+            arrays = {name: stored[name] for name in stored.files if name != "attempts"}
+        arrays["settled"] = np.zeros_like(arrays["settled"])
+        arrays["crossings"] = np.ones_like(arrays["crossings"])
+        np.savez(tmp_path / path.name, **arrays)
+    found = inspect_data(tmp_path)
+    assert found.repeated == 0
+    assert found.unsettled == found.crossed == found.manipulations > 0
+
+
 def test_baselines_are_those_of_the_metrics(data: Path) -> None:
     """Each score equals the metric of emd_core, averaged over all sub-sequences."""
     found = inspect_data(data)

@@ -168,3 +168,17 @@ def test_what_cannot_be_believed_is_simulated_again_in_shorter_substeps(monkeypa
     finest = math.ceil(MEDIUM.mesh_substeps * REFINEMENT ** (ATTEMPTS - 1))
     assert max(used) == finest and min(used) == MEDIUM.mesh_substeps
     assert cloth.refinement == 0
+
+
+def test_a_start_that_crosses_itself_is_simulated_once() -> None:
+    """No substep mends what is wrong from the start; the outcome tells it."""
+    positions = Cloth(MEDIUM).positions_in_table
+    far = positions[:, 0] < -1e-9
+    positions[far, 0] *= -1
+    positions[:, 2] += 0.05
+    positions[far, 2] += 0.2 * (positions[far, 0] - 0.107)
+    positions[far, 1] += 0.007
+    cloth = Cloth.from_positions(positions, MEDIUM)
+    move = Manipulation(np.array([[0.1, 0.0], [np.nan, np.nan]]), np.array([0.02, 0.0]))
+    outcome = manipulate(cloth, move, HandPathConfig(settle_time_limit=0.02))
+    assert outcome.attempts == 1 and "passes through itself" in outcome.diagnostics.failure

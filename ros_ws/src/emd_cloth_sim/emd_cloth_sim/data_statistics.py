@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -128,7 +129,6 @@ def inspect_data(directory: Path) -> DataStatistics:
         failures += reader.failures
         for sequence in reader:
             sums.add(sequence)
-    repeated, unsettled, crossed = _doubts(directory)
     return DataStatistics(
         asked=_asked(directory),
         sequences=sums.sequences,
@@ -136,9 +136,9 @@ def inspect_data(directory: Path) -> DataStatistics:
         failures=tuple(sorted(failures, key=lambda failure: failure.index)),
         manipulations=sums.manipulations,
         two_handed=sums.two_handed / max(1, sums.manipulations),
-        repeated=repeated,
-        unsettled=unsettled,
-        crossed=crossed,
+        repeated=_count(directory, "attempts", lambda attempts: attempts > 1),
+        unsettled=_count(directory, "settled", np.logical_not),
+        crossed=_count(directory, "crossings", lambda crossings: crossings > 0),
         states=sums.states(),
         baselines=sums.baselines(),
         provenance=_provenance(reader),
@@ -240,20 +240,20 @@ def _unfinished(directory: Path) -> tuple[int, list[SequenceFailure]]:
     return waiting, failures
 
 
-def _doubts(directory: Path) -> tuple[int, int, int]:
-    """Count manipulations that were repeated, that ended in motion, and that have crossings."""
-    repeated = unsettled = crossed = 0
+def _count(
+    directory: Path, name: str, is_doubtful: Callable[[NDArray[Any]], NDArray[np.bool_]]
+) -> int:
+    """Count the manipulations whose entry in the array `name` is doubtful, where there is one."""
+    total = 0
     for path in sorted(directory.glob(PATTERN)):
         try:
-            arrays = SequenceShard.read(path, ("attempts", "settled", "crossings")).arrays
+            arrays = SequenceShard.read(path, (name,)).arrays
         except InvalidInputError as err:
             if isinstance(err.__cause__, KeyError):
-                continue  # imported data do not tell
+                continue  # imported data do not tell, and older ones not all
             raise
-        repeated += int((arrays["attempts"] > 1).sum())
-        unsettled += int((~arrays["settled"]).sum())
-        crossed += int((arrays["crossings"] > 0).sum())
-    return repeated, unsettled, crossed
+        total += int(is_doubtful(arrays[name]).sum())
+    return total
 
 
 def _asked(directory: Path) -> int | None:

@@ -53,7 +53,8 @@ def manipulate(
     its time is over, whether the cloth has settled or not.
 
     If the outcome cannot be believed (crumpled cloth may lock under tension), the manipulation is
-    simulated again from its start in shorter substeps.
+    simulated again from its start in shorter substeps. One that starts with crossings is not: no
+    substep mends these.
     """
     config = path_config or HandPathConfig()
     before = cloth.remember()
@@ -64,7 +65,7 @@ def manipulate(
             outcome = _manipulate_as_reference(cloth, manipulation, config)
         else:
             outcome = _manipulate_by_hand(cloth, manipulation, config)
-        if not outcome.diagnostics.failure:
+        if not outcome.diagnostics.failure or not before.clean:
             break
     cloth.refinement = 0
     return replace(outcome, attempts=attempt + 1)

@@ -78,9 +78,7 @@ def reach_term(reach: ReachLoss, initial: Tensor, tolerance_voxels: int, thresho
     """
 
     def cost(states: Tensor, manipulations: Tensor) -> Tensor:
-        with torch.no_grad():
-            before = states_before(initial, states, threshold)
-            used = grasps_cloth(manipulations, before, tolerance_voxels)
+        _, used = look_back(initial, states, manipulations, tolerance_voxels, threshold)
         return reach(manipulations, used).sum(1)
 
     return cost
@@ -99,10 +97,8 @@ def grasp_term(initial: Tensor, tolerance_voxels: int, threshold: float) -> Term
     """
 
     def cost(states: Tensor, manipulations: Tensor) -> Tensor:
-        with torch.no_grad():
-            before = states_before(initial, states, threshold)
-            grasps = grasps_cloth(manipulations, before, tolerance_voxels).any(-1)
-            wide = dilate(silhouettes(before), tolerance_voxels)
+        before, used = look_back(initial, states, manipulations, tolerance_voxels, threshold)
+        grasps, wide = used.any(-1), dilate(silhouettes(before), tolerance_voxels)
         points = manipulations[..., :4].unflatten(-1, (2, 2))
         distance = distance_to_silhouette(points, wide).amin(-1)
         return torch.where(grasps, 0.0, distance).sum(1)
@@ -146,6 +142,19 @@ def states_before(initial: Tensor, states: Tensor, threshold: float) -> Tensor:
     """Give the state before each step, boolean (A, n, X, Y, Z), from the predicted ones after."""
     first = initial.bool().expand(len(states), 1, *initial.shape)
     return torch.cat([first, states[:, :-1] >= threshold], dim=1)
+
+
+@torch.no_grad()
+def look_back(
+    initial: Tensor, states: Tensor, manipulations: Tensor, tolerance_voxels: int, threshold: float
+) -> tuple[Tensor, Tensor]:
+    """Give the states before each step, see `states_before`, and which hands grasp cloth there.
+
+    Returns:
+        Boolean, shapes (A, n, X, Y, Z) and (A, n, 2).
+    """
+    before = states_before(initial, states, threshold)
+    return before, grasps_cloth(manipulations, before, tolerance_voxels)
 
 
 def grasps_cloth(manipulations: Tensor, states: Tensor, tolerance_voxels: int) -> Tensor:

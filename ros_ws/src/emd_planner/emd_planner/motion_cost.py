@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from emd_planner.cost import Term, distance_to_silhouette, grasps_cloth, states_before
+from emd_planner.cost import Term, distance_to_silhouette, look_back
 from emd_planner.reach import depth_in_polygon
 from emd_planner.silhouette import edge_columns, silhouettes
 
@@ -27,10 +27,8 @@ def hem_term(initial: Tensor, tolerance_voxels: int, threshold: float) -> Term:
     """
 
     def cost(states: Tensor, manipulations: Tensor) -> Tensor:
-        with torch.no_grad():
-            before = states_before(initial, states, threshold)
-            used = grasps_cloth(manipulations, before, tolerance_voxels)
-            edge = edge_columns(silhouettes(before))
+        before, used = look_back(initial, states, manipulations, tolerance_voxels, threshold)
+        edge = edge_columns(silhouettes(before))
         points = manipulations[..., :4].unflatten(-1, (2, 2))
         # Nowhere in an edge column is farther than half a column from its middle.
         free = 1.0 / edge.shape[-1]
@@ -81,11 +79,9 @@ def hands_apart_term(
     """
 
     def cost(states: Tensor, manipulations: Tensor) -> Tensor:
-        with torch.no_grad():
-            before = states_before(initial, states, threshold)
-            both = grasps_cloth(manipulations, before, tolerance_voxels).all(-1)
+        _, used = look_back(initial, states, manipulations, tolerance_voxels, threshold)
         between = manipulations[..., 2:4] - manipulations[..., :2]
         missing = (distance - between.square().sum(-1).add(1e-12).sqrt()).clamp_min(0.0)
-        return (missing * both).sum(1)
+        return (missing * used.all(-1)).sum(1)
 
     return cost

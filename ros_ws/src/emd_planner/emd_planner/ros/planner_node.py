@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import sys
 from collections.abc import Callable
 from typing import Any
 
-from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from visualization_msgs.msg import MarkerArray
 
-from emd_core.errors import InvalidInputError, NoObservationError
+from emd_core.errors import NoObservationError
 from emd_core.ros import conversions
 from emd_core.ros.markers import ORANGE, clear_marker, manipulation_markers, voxel_marker
 from emd_core.ros.parameters import declare_config
@@ -25,11 +22,12 @@ from emd_core.voxel_grid import VoxelGrid
 from emd_msgs_py.action import PlanFold
 from emd_msgs_py.msg import VoxelGrid as VoxelGridMsg
 from emd_msgs_py.srv import PlanFold as PlanFoldService
-from emd_planner.config import PLANNERS, Polygon, ReachConfig
+from emd_planner.config import PLANNERS
 from emd_planner.device import resolve_device
 from emd_planner.memory import keep_freed_memory
 from emd_planner.plan import FoldPlan, PlanningProgress, plan
 from emd_planner.ros.plan_messages import plan_to_message, progress_to_feedback
+from emd_planner.ros.regions import declare_keep_out, declare_reach
 from emd_planner.ros.served_net import ServedNet
 
 
@@ -44,8 +42,8 @@ class PlannerNode(Node):
         """
         super().__init__("planner")
         self._config = declare_config(self, PLANNERS["ours"], "search.")
-        self._reach = self._declare_reach()
-        self._keep_out = self._declare_keep_out()
+        self._reach = declare_reach(self)
+        self._keep_out = declare_keep_out(self)
         device = resolve_device(self.declare_parameter("device", "auto").value)
         self._net = ServedNet(self, device)
         self._latest: VoxelGridMsg | None = None
@@ -59,40 +57,6 @@ class PlannerNode(Node):
             self._on_request,
             callback_group=self._worker.callback_group,
         )
-
-    def _declare_reach(self) -> ReachConfig | None:
-        """Read each arm's polygon, given as x0 y0 x1 y1 ... in metres; empty: no limit."""
-        polygons = []
-        for arm, default in vars(ReachConfig()).items():
-            start = [float(value) for corner in default for value in corner]
-            values = self.declare_parameter(f"reach.{arm}", start).value
-            if len(values) % 2 or 0 < len(values) < 6:
-                raise InvalidInputError(
-                    f"reach.{arm} needs x y of at least three corners, got {len(values)} values"
-                )
-            polygons.append(_corners(values))
-        return ReachConfig(*polygons) if all(polygons) else None
-
-    def _declare_keep_out(self) -> tuple[Polygon, ...]:
-        """Read convex regions, given as x0 y0 x1 y1 ... in metres, NaN between regions."""
-        text = "x y of each corner, metres, table frame; NaN between regions; empty: none"
-        descriptor = ParameterDescriptor(description=text)
-        self.declare_parameter("keep_out", Parameter.Type.DOUBLE_ARRAY, descriptor)
-        nothing = Parameter("keep_out", Parameter.Type.DOUBLE_ARRAY, [])
-        values = self.get_parameter_or("keep_out", nothing).value
-        regions: list[list[float]] = [[]]
-        for value in values:
-            if math.isnan(value):
-                regions.append([])
-            else:
-                regions[-1].append(value)
-        regions = [region for region in regions if region]
-        for region in regions:
-            if len(region) % 2 or len(region) < 6:
-                raise InvalidInputError(
-                    f"a region of keep_out needs x y of at least three corners, got {region}"
-                )
-        return tuple(_corners(region) for region in regions)
 
     def _on_grid(self, message: VoxelGridMsg) -> None:
         self._latest = message
@@ -170,10 +134,6 @@ class PlannerNode(Node):
 
     def _table_header(self) -> Any:
         return conversions.header(self.get_clock().now().to_msg(), conversions.TABLE_FRAME)
-
-
-def _corners(values: list[float]) -> Polygon:
-    return tuple((float(x), float(y)) for x, y in zip(values[::2], values[1::2], strict=True))
 
 
 def main() -> int:
