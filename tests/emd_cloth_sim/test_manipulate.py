@@ -170,6 +170,18 @@ def test_what_cannot_be_believed_is_simulated_again_in_shorter_substeps(monkeypa
     assert cloth.refinement == 0
 
 
+def test_hands_that_jump_take_more_time_at_every_attempt() -> None:
+    """A short move of the reference, whose path begins far beside the grasp."""
+    material = preset("reference", (21, 21))
+    material = replace(material, path=replace(material.path, frames_after=1, frames_more=0))
+    move = Manipulation(np.array([[0.19, 0.0], [np.nan, np.nan]]), np.array([-0.01, 0.0]))
+    usual = manipulate(Cloth(material.cloth), move, material.path)
+    strict = Cloth(replace(material.cloth, max_stretch=1e-9))
+    last = manipulate(strict, move, material.path)
+    assert usual.attempts == 1 and last.attempts == ATTEMPTS
+    assert last.carry_time > 1.5 * usual.carry_time
+
+
 def test_a_start_that_crosses_itself_is_simulated_once() -> None:
     """No substep mends what is wrong from the start; the outcome tells it."""
     positions = Cloth(MEDIUM).positions_in_table

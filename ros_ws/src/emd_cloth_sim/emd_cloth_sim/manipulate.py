@@ -17,6 +17,8 @@ from emd_core.manipulation import Manipulation
 
 # Simulations of a manipulation until its outcome can be believed.
 ATTEMPTS = 3
+# Greatest speed of the reference's hands at one attempt over that at the one before.
+SLOWER = 0.5
 
 
 @dataclass(frozen=True)
@@ -53,8 +55,8 @@ def manipulate(
     its time is over, whether the cloth has settled or not.
 
     If the outcome cannot be believed (crumpled cloth may lock under tension), the manipulation is
-    simulated again from its start in shorter substeps. One that starts with crossings is not: no
-    substep mends these.
+    simulated again from its start in shorter substeps, and the reference's hands, which may jump
+    through a pile, take more time. One that starts with crossings is not: no substep mends these.
     """
     config = path_config or HandPathConfig()
     before = cloth.remember()
@@ -62,7 +64,8 @@ def manipulate(
         if attempt > 0:
             cloth.go_back(before, attempt)
         if isinstance(config, ReferencePathConfig):
-            outcome = _manipulate_as_reference(cloth, manipulation, config)
+            slower = replace(config, hand_speed=config.hand_speed * SLOWER**attempt)
+            outcome = _manipulate_as_reference(cloth, manipulation, slower)
         else:
             outcome = _manipulate_by_hand(cloth, manipulation, config)
         if not outcome.diagnostics.failure or not before.clean:

@@ -30,7 +30,7 @@ class ReferencePathConfig:
         frames_more: Most frames that a cloth gets beyond these while it is stretched too far to be
             believed (ours).
         hand_speed: Fastest that the hand moves, m/s: a longer way than it makes in a frame, such
-            as the jump at the beginning, takes more time.
+            as the jump at the beginning, takes more time (ours).
         half_extent: Metres of a normalised unit.
     """
 
