@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import time
 
 import pytest
 import torch
 
 from emd_core.errors import CancelledError, InvalidInputError
 from emd_planner.config import PlannerConfig
+from emd_planner.interruption import Watch
 from emd_planner.planner import search
 from emd_planner.starts import random_values
 
@@ -121,25 +123,33 @@ def test_cancelling_stops_before_the_next_iteration():
         runs.append(1)
         return values
 
+    watch = Watch(lambda: len(runs) == 3, math.inf)
     with pytest.raises(CancelledError):
-        search(predict, _bumpy, _starts(), PlannerConfig(), should_stop=lambda: len(runs) == 3)
+        search(predict, _bumpy, _starts(), PlannerConfig(), watch=watch)
     assert len(runs) == 3
 
 
-def test_time_budget_ends_the_search_with_the_best_so_far(monkeypatch):
-    """When the time is over the search gives what it has, and has tried at least once."""
+def test_time_that_is_up_ends_the_search_with_the_best_so_far(monkeypatch):
+    """In the middle of an iteration too: it does not count."""
     now = [0.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    watch = Watch(None, 4.5)
 
     def predict(values):
         now[0] += 1.0
+        watch()
         return values
 
-    monkeypatch.setattr("emd_planner.planner.time.monotonic", lambda: now[0])
-    result = search(predict, _distance, _starts(), PlannerConfig(time_budget=4.5))
-    assert result.iterations == 5
+    starts = _starts()
+    result = search(predict, _distance, starts, PlannerConfig(), watch=watch)
+    assert result.iterations == 4
     assert result.costs.isfinite().all()
-    now[0] = 0.0
-    assert search(predict, _distance, _starts(), PlannerConfig(time_budget=0.0)).iterations == 1
+    known = _distance(starts, starts)
+    none = search(predict, _distance, starts, PlannerConfig(), None, watch, None, known)
+    assert none.iterations == 0
+    assert torch.equal(none.costs, known.sort().values)
+    unknown = search(predict, _distance, starts, PlannerConfig(), watch=watch)
+    assert unknown.costs.isinf().all()
 
 
 def test_a_cost_that_is_not_a_number_never_wins():

@@ -9,7 +9,7 @@ from emd_planner.config import SpatialNetConfig
 from emd_planner.cost import grasps_cloth
 from emd_planner.emd_net import EmdNet
 from emd_planner.spatial_net import SpatialEmdNet
-from emd_planner.starts import guessed_values, random_values
+from emd_planner.starts import guessed_sequences, random_values
 
 CPU = torch.device("cpu")
 
@@ -31,13 +31,17 @@ def test_single_handed_starts_leave_the_second_hand_off_the_cloth(patch):
 
 
 def test_guesses_are_rolled_out_and_depend_on_the_seed(patch):
-    """As many sequences as asked for; a net without guesses gives none."""
+    """As many sequences as asked for, with what the net predicts of them; some nets give none."""
     net = SpatialEmdNet(SpatialNetConfig(widths=(4, 4, 4), moved_width=2, coarse_blocks=1))
+    limits = torch.tensor([1.0, 1.0, 1.0, 1.0, 0.1, 0.1])
     first, same, other = (
-        guessed_values(net, patch, patch, 3, 20, torch.Generator().manual_seed(s))
+        guessed_sequences(net, patch, patch, 3, 20, torch.Generator().manual_seed(s), limits)
         for s in (0, 0, 1)
     )
-    assert first.shape == (20, 3, 6)
-    assert torch.equal(first, same)
-    assert not torch.equal(first, other)
-    assert guessed_values(EmdNet(), patch, patch, 3, 20, torch.Generator()) is None
+    assert first.values.shape == (20, 3, 6)
+    assert (first.values.abs() <= limits).all()
+    assert torch.equal(first.values, same.values)
+    assert not torch.equal(first.values, other.values)
+    expected = net.predict_all(patch.expand(20, -1, -1, -1), first.values)
+    torch.testing.assert_close(first.states, expected, atol=1e-5, rtol=0.0)
+    assert guessed_sequences(EmdNet(), patch, patch, 3, 20, torch.Generator(), limits) is None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
@@ -10,8 +9,8 @@ from typing import TypeVar
 import torch
 from torch import Tensor
 
-from emd_core.errors import CancelledError
 from emd_planner.config import PlannerConfig
+from emd_planner.interruption import TimeIsUp
 from emd_planner.irprop import IrpropMinus
 
 Prediction = TypeVar("Prediction")
@@ -55,15 +54,16 @@ def search(
     initial_values: Tensor,
     config: PlannerConfig,
     on_iteration: Callable[[SearchProgress], None] | None = None,
-    should_stop: Callable[[], bool] | None = None,
+    watch: Callable[[], None] | None = None,
     limits: Tensor | None = None,
+    initial_costs: Tensor | None = None,
 ) -> SearchResult:
     """Lower the cost of all restarts side by side with iRprop- (III-C, steps 2 to 6).
 
     A restart ends when its cost has not improved for `patience` iterations, or when it is
-    not in the better half (`halve_every`); the search ends when
-    all restarts have, after `max_iterations`, or when the time budget is spent. Every restart
-    keeps the best values that it met, so a late overshoot costs nothing.
+    not in the better half (`halve_every`); the search ends when all restarts have, after
+    `max_iterations`, or when time is up. Every restart keeps the best values that it met, so a
+    late overshoot costs nothing.
 
     Args:
         predict: Maps values (A, n, V) of the restarts that still run to a prediction.
@@ -71,31 +71,36 @@ def search(
         initial_values: One random start per restart, shape (R, n, V).
         config: Steps, limits and bounds.
         on_iteration: Told of the progress after every iteration.
-        should_stop: Asked before every iteration.
+        watch: Asked before every iteration, and by prediction and cost as often as they like. If
+            it raises `TimeIsUp`, the search ends with what it has; see
+            `emd_planner.interruption.Watch`.
         limits: Largest magnitude of each value, shape (V,); 1 if None.
+        initial_costs: Of the starts, shape (R,), if they are known.
 
     Raises:
-        CancelledError: If `should_stop` says so; the best so far was told to `on_iteration`.
+        CancelledError: If the watch says so; the best so far was told to `on_iteration`.
     """
-    started = time.monotonic()
     largest = torch.ones(initial_values.shape[-1]) if limits is None else limits
     largest = largest.to(initial_values)
     values = initial_values.clamp(-largest, largest)
     best_values = values.clone()
     best_costs = torch.full((len(values),), torch.inf, device=values.device)
+    if initial_costs is not None:
+        best_costs[:] = initial_costs
     stale = torch.zeros(len(values), dtype=torch.long, device=values.device)
     rows = torch.arange(len(values), device=values.device)
     optimiser = IrpropMinus(values.shape, config, values.device)
     iteration = 0
     while iteration < config.max_iterations and len(rows):
-        if should_stop is not None and should_stop():
-            raise CancelledError("the search for a plan was asked to stop")
-        if time.monotonic() - started > config.time_budget and iteration > 0:
+        candidate = values[rows].requires_grad_(True)
+        try:
+            if watch is not None:
+                watch()
+            costs = cost(predict(candidate), candidate)
+            (gradient,) = torch.autograd.grad(costs.sum(), candidate)
+        except TimeIsUp:
             break
         iteration += 1
-        candidate = values[rows].requires_grad_(True)
-        costs = cost(predict(candidate), candidate)
-        (gradient,) = torch.autograd.grad(costs.sum(), candidate)
         costs, candidate = costs.detach(), candidate.detach()
         improved = costs < best_costs[rows] - config.min_improvement
         better = rows[improved]

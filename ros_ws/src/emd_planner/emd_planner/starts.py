@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import torch
 from torch import Tensor
 
@@ -53,16 +55,30 @@ def random_values(
     return values.to(device)
 
 
+@dataclass(frozen=True)
+class GuessedSequences:
+    """Sequences of manipulations and what the net predicts of them.
+
+    Attributes:
+        values: Shape (count, steps, 6), within the limits.
+        states: After each manipulation, shape (count, steps, X, Y, Z).
+    """
+
+    values: Tensor
+    states: Tensor
+
+
 @torch.no_grad()
-def guessed_values(
+def guessed_sequences(
     net: StatePredictor,
     initial: Tensor,
     goal: Tensor,
     steps: int,
     count: int,
     generator: torch.Generator,
+    limits: Tensor,
     threshold: float = 0.5,
-) -> Tensor | None:
+) -> GuessedSequences | None:
     """Draw whole sequences from the net's guesses, each step from the state predicted before it.
 
     Args:
@@ -72,26 +88,27 @@ def guessed_values(
         steps: Manipulations in each sequence.
         count: Number of sequences.
         generator: On the CPU.
+        limits: Largest magnitude of each value of a manipulation, shape (6,).
         threshold: Predicted value from which a voxel counts as occupied.
 
     Returns:
-        Shape (count, steps, 6), not limited to the field of view; None for a net without guesses.
-        A hand that is not used is put at a random place outside the cloth.
+        `count` sequences; None for a net without guesses. A hand that is not used is put at a
+        random place outside the cloth.
     """
     first = net.encode(torch.stack([initial, goal]))
     codes, goals = (code.expand(count, *code.shape) for code in first)
-    silhouette = silhouettes(initial).expand(count, -1, -1)
-    drawn = []
+    state = initial.expand(count, *initial.shape)
+    drawn, predicted = [], []
     for step in range(steps):
         left = torch.full((count,), steps - step, device=codes.device)
         guesses = net.propose(codes, goals, left)
         if guesses is None:
             return None
         values, both = guesses.draw(generator)
-        outside = random_points_outside(silhouette.cpu(), generator)[:, 1].to(values)
+        outside = random_points_outside(silhouettes(state).cpu(), generator)[:, 1].to(values)
         values[:, 2:4] = torch.where(both[:, None], values[:, 2:4], outside)
-        drawn.append(values)
-        if step + 1 < steps:
-            codes = net.manipulate(codes, values)
-            silhouette = silhouettes(net.decode(codes) >= threshold)
-    return torch.stack(drawn, 1)
+        drawn.append(values.clamp(-limits, limits))
+        codes = net.manipulate(codes, drawn[-1])
+        predicted.append(net.decode(codes))
+        state = predicted[-1] >= threshold
+    return GuessedSequences(torch.stack(drawn, 1), torch.stack(predicted, 1))

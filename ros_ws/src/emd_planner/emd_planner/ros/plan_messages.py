@@ -10,7 +10,7 @@ from emd_core.ros import conversions
 from emd_core.voxel_grid import VoxelGrid
 from emd_msgs_py.action import PlanFold
 from emd_msgs_py.msg import FoldPlan as FoldPlanMsg
-from emd_planner.plan import FoldPlan, PlanningProgress
+from emd_planner.fold_plan import FoldPlan, PlanningProgress
 
 
 def plan_to_message(found: FoldPlan, header: Header) -> FoldPlanMsg:

@@ -24,8 +24,9 @@ from emd_msgs_py.msg import VoxelGrid as VoxelGridMsg
 from emd_msgs_py.srv import PlanFold as PlanFoldService
 from emd_planner.config import PLANNERS
 from emd_planner.device import resolve_device
+from emd_planner.fold_plan import FoldPlan, PlanningProgress
 from emd_planner.memory import keep_freed_memory
-from emd_planner.plan import FoldPlan, PlanningProgress, plan
+from emd_planner.plan import plan
 from emd_planner.ros.plan_messages import plan_to_message, progress_to_feedback
 from emd_planner.ros.regions import declare_keep_out, declare_reach
 from emd_planner.ros.served_net import ServedNet

@@ -1,0 +1,220 @@
+"""One planning problem: the parts that searches for different numbers of steps share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from emd_core.manipulation import Manipulation
+from emd_core.voxel_grid import VoxelGrid
+from emd_planner.config import PlannerConfig, Polygon, ReachConfig
+from emd_planner.cost import expected_goal_term, grasps_cloth, states_before
+from emd_planner.fold_plan import FoldPlan, PlanningProgress
+from emd_planner.interruption import TimeIsUp, ask_between_layers
+from emd_planner.losses import state_loss
+from emd_planner.plan_cost import plan_cost
+from emd_planner.planner import SearchProgress, SearchResult, search
+from emd_planner.planning_net import planning_copy
+from emd_planner.silhouette import onto_silhouette, silhouettes
+from emd_planner.starts import guessed_sequences, random_values
+from emd_planner.state_predictor import StatePredictor
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A sequence that grasps cloth in every step, and what the net predicts of it.
+
+    Attributes:
+        values: Manipulations, normalised, shape (n, 6).
+        used: Which hands grasp, boolean, shape (n, 2).
+        states: After each manipulation, shape (n, X, Y, Z).
+        cost: What the search found it to cost.
+        reach_excess: Metres by which points lie outside the arms' reach, summed.
+    """
+
+    values: Tensor
+    used: Tensor
+    states: Tensor
+    cost: float
+    reach_excess: float
+
+
+class PlanningProblem:
+    """From one initial state to one goal.
+
+    Attributes:
+        iterations: Done so far, of all searches.
+    """
+
+    def __init__(
+        self,
+        net: StatePredictor,
+        initial: VoxelGrid,
+        goal: VoxelGrid,
+        config: PlannerConfig,
+        reach: ReachConfig | None = None,
+        keep_out: Sequence[Polygon] = (),
+        on_iteration: Callable[[PlanningProgress], None] | None = None,
+    ) -> None:
+        """Prepare; the arguments are those of `emd_planner.plan.plan`."""
+        self._net, self._config = net, config
+        self._fast_net = planning_copy(net, config.bfloat16)
+        ask_between_layers(self._fast_net, lambda: self._watch())
+        self._watch: Callable[[], None] = lambda: None
+        self._on_iteration = on_iteration
+        self._field_of_view = initial.field_of_view
+        self._device = next(net.parameters()).device
+        self._initial = torch.from_numpy(initial.occupancy).to(self._device)
+        self._goal = torch.from_numpy(goal.occupancy).to(self._device)
+        limits = [1.0] * 4 + [config.max_displacement] * 2
+        self._limits = torch.tensor(limits, device=self._device)
+        with torch.no_grad():
+            self._code = net.encode(self._initial[None])
+            reconstruction = state_loss(net.decode(self._code), self._initial.float())
+        self._reconstruction_loss = float(reconstruction)
+        self._cost = plan_cost(
+            config, self._initial, self._goal, self._field_of_view, reach, keep_out
+        )
+        self.iterations = 0
+
+    def search(self, steps: int, seed: int, watch: Callable[[], None]) -> SearchResult:
+        """Search for sequences of so many manipulations.
+
+        Args:
+            steps: Manipulations in each.
+            seed: Of the starts.
+            watch: Asked between the layers of the net; see `emd_planner.interruption.Watch`.
+
+        Returns:
+            The best of each restart; nothing if time was up before any had been rated.
+
+        Raises:
+            CancelledError: If the watch says so.
+        """
+        self._watch = watch
+        generator = torch.Generator().manual_seed(seed)
+        try:
+            starts, costs = self._starts(steps, generator)
+        except TimeIsUp:
+            return SearchResult(torch.empty(0, steps, 6), torch.empty(0), 0)
+        told = None
+        if self._on_iteration is not None:
+            callback = self._on_iteration
+
+            def told(progress: SearchProgress) -> None:
+                callback(PlanningProgress(steps, progress))
+
+        found = search(
+            self._predict,
+            self._cost.total,
+            starts,
+            self._config,
+            told,
+            watch,
+            self._limits,
+            costs,
+        )
+        self.iterations += found.iterations
+        return found
+
+    def candidates(self, found: SearchResult) -> Iterator[Candidate]:
+        """Give the sequences that grasp cloth in every step, the cheapest first."""
+        for values, cost in zip(found.values, found.costs, strict=True):
+            if cost.isfinite():
+                candidate = self._candidate(values, float(cost))
+                if candidate is not None:
+                    yield candidate
+
+    def fold_plan(self, candidate: Candidate, elapsed_ms: float) -> FoldPlan:
+        """Turn a candidate into the planner's answer."""
+        states = candidate.states.cpu().numpy()
+        values = candidate.values.double().cpu().numpy()
+        used = candidate.used.cpu().tolist()
+        return FoldPlan(
+            [
+                Manipulation.from_network(values[i], (used[i][0], used[i][1]), self._field_of_view)
+                for i in range(len(values))
+            ],
+            states,
+            [VoxelGrid(state >= self._config.threshold, self._field_of_view) for state in states],
+            float(state_loss(candidate.states[-1:], self._goal.float())),
+            float(expected_goal_term(self._goal)(candidate.states[None], candidate.values[None])),
+            float((self._initial != self._goal).float().mean()),
+            self._reconstruction_loss,
+            candidate.reach_excess,
+            elapsed_ms,
+            self.iterations,
+        )
+
+    @torch.no_grad()
+    def _starts(self, steps: int, generator: torch.Generator) -> tuple[Tensor, Tensor | None]:
+        """Draw `candidates` starts and keep the `restarts` of them that are rated best.
+
+        If `restarts` are more, so many are drawn. Gives their costs too if they were rated.
+        """
+        config = self._config
+        count = max(config.candidates, config.restarts)
+        guessed = None
+        if guesses := round(config.guessed_share * count):
+            guessed = guessed_sequences(
+                self._fast_net,
+                self._initial,
+                self._goal,
+                steps,
+                guesses,
+                generator,
+                self._limits,
+                config.threshold,
+            )
+        values = random_values(
+            count if guessed is None else count - guesses,
+            steps,
+            silhouettes(self._initial) if config.start_on_cloth else None,
+            generator,
+            self._device,
+            config.max_displacement,
+            config.single_handed_share,
+        )
+        if count == config.restarts:
+            return (values if guessed is None else torch.cat([guessed.values, values])), None
+        costs = self._cost.total(self._predict(values), values)
+        if guessed is not None:
+            costs = torch.cat([self._cost.total(guessed.states, guessed.values), costs])
+            values = torch.cat([guessed.values, values])
+        costs = costs.nan_to_num(torch.inf)
+        best = costs.argsort(stable=True)[: config.restarts]
+        return values[best], costs[best]
+
+    def _predict(self, values: Tensor) -> Tensor:
+        """Predict states (A, n, X, Y, Z), those before the last without gradients."""
+        code = self._code.expand(len(values), *self._code.shape[1:])
+        codes = self._fast_net.roll_out(code, values)
+        last = self._fast_net.decode(codes[-1])[:, None]
+        if len(codes) == 1 or not self._cost.needs_every_state:
+            return last
+        with torch.no_grad():
+            before = self._fast_net.decode(torch.cat(codes[:-1]))
+        return torch.cat([before.unflatten(0, (len(codes) - 1, -1)).transpose(0, 1), last], 1)
+
+    @torch.no_grad()
+    def _candidate(self, values: Tensor, cost: float) -> Candidate | None:
+        """Predict a sequence (n, 6) with the net itself; None if a step of it grasps no cloth."""
+        config = self._config
+        states = self._net.decode(torch.cat(self._net.roll_out(self._code, values[None])))[None]
+        before = states_before(self._initial, states, config.threshold)
+        used = grasps_cloth(values[None], before, config.grasp_tolerance_voxels)
+        if not used.any(2).all():
+            return None
+        values = values.clone()
+        if config.grasp_on_cloth:
+            points, hands = values[0, :4].view(2, 2), used[0, 0]
+            points[hands] = onto_silhouette(points[hands], silhouettes(self._initial))
+        excess = 0.0
+        if self._cost.reach is not None:
+            excess = float(self._cost.reach(states, values[None]))
+        return Candidate(
+            values, used[0], states[0], cost, excess * self._field_of_view.half_extent
+        )
