@@ -148,7 +148,7 @@ def test_a_cloth_goes_back_to_what_it_was() -> None:
 
 
 def test_what_cannot_be_believed_is_simulated_again_in_shorter_substeps(monkeypatch) -> None:
-    """Until it can, three times at most; the last outcome is told as it is."""
+    """Until it can, `ATTEMPTS` times at most; the last outcome is told as it is."""
     used = []
 
     def step_settings(config: ClothConfig, substep: float, substeps: int) -> StepSettings:

@@ -16,7 +16,7 @@ from emd_core.frames import FloatArray
 from emd_core.manipulation import Manipulation
 
 # Simulations of a manipulation until its outcome can be believed.
-ATTEMPTS = 3
+ATTEMPTS = 4
 # Greatest speed of the reference's hands at one attempt over that at the one before.
 SLOWER = 0.5
 

@@ -41,7 +41,7 @@ class ReferencePathConfig:
     sink: float = 0.3
     frames_after: int = 12
     frames_more: int = 24
-    hand_speed: float = 1.5
+    hand_speed: float = 0.9
     half_extent: float = 0.40 / 1.4
 
     def __post_init__(self) -> None:
