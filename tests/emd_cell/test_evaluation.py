@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import torch
 
-from emd_cell.evaluation.execution import perform, unwrapped
-from emd_cell.evaluation.rivals import NetPlanner, make_rivals, within_reach
+from emd_cell.evaluation.execution import Record, perform, unwrapped
+from emd_cell.evaluation.rivals import REACHES, NetPlanner, make_rivals, within_reach
 from emd_cell.evaluation.run import Evaluation, evaluate
 from emd_cell.evaluation.table import markdown, rows_of
 from emd_cell.evaluation.tasks import Task, neat_tasks, sequence_tasks
@@ -20,7 +20,7 @@ from emd_cloth_sim.presets import preset
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FieldOfView
 from emd_core.manipulation import Manipulation
-from emd_planner.config import PlannerConfig
+from emd_planner.config import PLANNERS, PlannerConfig
 from emd_planner.weights import load_net
 
 MESH = 15
@@ -92,6 +92,17 @@ def test_the_net_plans_and_its_plans_are_executed(tasks: list[Task], mode: str) 
     record, outcome = perform(task, "ours", quick, mode, TOWEL, 0)
     assert record.plan_ms > 1.0 and record.failure == ""
     assert outcome.shape == task.start.shape and np.isfinite(outcome).all()
+
+
+def test_plans_of_arms_that_reach_half_of_the_view_stay_there(tasks: list[Task]) -> None:
+    """Executable by the reach that was asked for, and the record tells what was planned."""
+    config = replace(PLANNERS["ours"], restarts=2, candidates=8, max_iterations=2)
+    rival = NetPlanner(load_net(), config, REACHES["half"])
+    for task in tasks[:3]:
+        record, _ = perform(task, "ours", rival, "replan", TOWEL, 0, REACHES["half"])
+        assert record.executable or record.failure
+        assert record.figures is None or record.figures.steps == task.steps
+        assert Record.from_entry(json.loads(json.dumps(record.as_entry()))) == record
 
 
 def test_a_killed_evaluation_goes_on_where_it_was(tasks: list[Task], tmp_path: Path) -> None:

@@ -173,6 +173,25 @@ def test_reach_keeps_grasp_and_release_points_inside(patch_at):
     assert found.predicted_loss < 0.5 * found.initial_loss
 
 
+def test_points_can_be_kept_within_reach_whatever_the_goal_asks_for(patch_at):
+    """A goal out of reach, for which a loss of little weight lets points slip out."""
+    side = 0.25 * FOV.half_extent
+    square = ((-side, -side), (side, -side), (side, side), (-side, side))
+    reach, slipped = ReachConfig(left=square, right=square), []
+    for keep in (False, True):
+        config = replace(CONFIG, keep_in_reach=keep, reach_weight=1e-3)
+        for seed in range(3):
+            initial, goal = patch_at(-0.3, 0.0), patch_at(0.4, 0.0)
+            found = plan(CarriedPatch(), initial, goal, 2, config, reach, seed)
+            for item in found.manipulations:
+                points = [item.grasp_points_in_table, item.release_points_in_table]
+                beyond = np.nanmax(np.abs(points)) - side
+                assert beyond <= 0.0 or not keep
+                slipped.append(beyond)
+            assert (found.reach_excess == 0.0) or not keep
+    assert max(slipped) > 1e-3
+
+
 def test_same_seed_gives_the_same_plan(patch_at):
     """Plans depend on the inputs and the seed alone."""
     arguments = (CarriedPatch(), patch_at(0.0, 0.0), patch_at(0.2, 0.2), 2, CONFIG)

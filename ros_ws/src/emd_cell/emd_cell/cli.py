@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import signal
 import subprocess
 import sys
@@ -196,7 +197,9 @@ def evaluate(
     ),
     mesh: Annotated[int, typer.Option(min=5, help="vertices a side")] = 41,
     weights: Annotated[Path | None, typer.Option(help="default: those shipped")] = None,
-    reach: Annotated[bool, typer.Option("--reach", help="plan within the arms' reach")] = False,
+    reach: Annotated[
+        str | None, typer.Option(help="plan within reach: cell (HIRO's arms), or half the view")
+    ] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="default: all cores")] = None,
     seed: Annotated[int, typer.Option(min=0)] = 0,
 ) -> None:
@@ -204,11 +207,11 @@ def evaluate(
     import os
 
     from emd_cell.evaluation.command import evaluate_planners
+    from emd_cell.evaluation.rivals import REACHES
     from emd_cell.evaluation.run import Evaluation
     from emd_cell.evaluation.tasks import neat_tasks, sequence_tasks
     from emd_cloth_sim.presets import preset as cloth_preset
     from emd_core.errors import InvalidInputError
-    from emd_planner.config import ReachConfig
 
     if bool(data) == neat:
         raise InvalidInputError("give either --data or --neat")
@@ -219,11 +222,49 @@ def evaluate(
         else sequence_tasks(data or [], steps or [1, 2, 3], mesh, split, sequences)
     )
     names = tuple(planners or ["nothing", "paper", "ours"])
-    limits = ReachConfig() if reach else None
+    if reach is not None and reach not in REACHES:
+        raise InvalidInputError(f"--reach must be of {', '.join(REACHES)}, got {reach!r}")
+    limits = None if reach is None else REACHES[reach]
     evaluation = Evaluation(tasks, names, mode, cloth, weights, limits, seed)
     count = workers or len(os.sched_getaffinity(0))
     print(evaluate_planners(evaluation, json_file, count, sys.argv[2:], console), end="")
     print(f"written: {json_file}")
+
+
+@app.command(name="fit-trust", cls=_ManyValues)
+def fit_trust(
+    executed: Annotated[
+        list[Path], typer.Option(help="reports of `evaluate --mode open`, to learn from; many")
+    ],
+    json_file: Annotated[Path, typer.Option("--json", help="figures; .png beside")],
+    judged: Annotated[
+        list[Path] | None, typer.Option(help="other such reports, to judge by; many")
+    ] = None,
+    weights: Annotated[Path | None, typer.Option(help="default: those shipped")] = None,
+) -> None:
+    """Learn from executed plans which ones fail; docs/evaluation.md."""
+    from emd_cell.evaluation.doubt import as_entry, draw, judge, read_executed
+    from emd_cloth_sim.json_file import write_json
+    from emd_planner import trust
+    from emd_planner.weights import SHIPPED_WEIGHTS
+
+    plans = read_executed(executed)
+    command = shlex.join(["./cell", *sys.argv[1:]])
+    model = trust.fit_trust([p.figures for p in plans], [p.failed for p in plans], command)
+    reports = {"learned from": judge(model, plans)}
+    if judged:
+        reports["others"] = judge(model, read_executed(judged))
+    model.save(weights or SHIPPED_WEIGHTS)
+    entries = {name: as_entry(report) for name, report in reports.items()}
+    write_json(json_file, {"command": command, "model": vars(model), "reports": entries})
+    draw(reports, json_file.with_suffix(".png"))
+    for name, report in reports.items():
+        print(
+            f"{name}: {report.failed} of {report.plans} plans failed; AUROC {report.auroc:.3f} "
+            f"(expected error alone {report.auroc_of_expected_error:.3f}), Brier score "
+            f"{report.brier:.3f} (always the share that failed: {report.brier_of_rate:.3f})"
+        )
+    print(f"written: {trust.trust_file(weights or SHIPPED_WEIGHTS)}, {json_file}")
 
 
 @app.command()

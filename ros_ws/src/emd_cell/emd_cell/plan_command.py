@@ -12,7 +12,8 @@ from emd_core.whole_file import write_text
 from emd_planner.config import PLANNERS, ReachConfig
 from emd_planner.memory import keep_freed_memory
 from emd_planner.plan import plan
-from emd_planner.weights import load_net
+from emd_planner.trust import PlanFigures, load_trust
+from emd_planner.weights import SHIPPED_WEIGHTS, load_net
 
 
 def plan_files(
@@ -26,6 +27,7 @@ def plan_files(
         NoPlanError: If the search finds nothing.
     """
     keep_freed_memory()
+    trust = load_trust(weights or SHIPPED_WEIGHTS)
     found = plan(
         load_net(weights),
         VoxelGrid.load(initial),
@@ -39,6 +41,7 @@ def plan_files(
         "manipulations": [item.as_entry() for item in found.manipulations],
         "predicted_mse": found.predicted_loss,
         "expected_mse": found.expected_error,
+        "failure_probability": trust and trust.failure_probability(PlanFigures.of(found)),
         "initial_mse": found.initial_loss,
         "reconstruction_mse": found.reconstruction_loss,
         "plan_ms": found.planning_ms,

@@ -21,6 +21,7 @@ class ErrorCode(IntEnum):
     NO_CLOTH = 21
     NO_PLAN = 30
     MODEL = 31
+    DOUBTFUL_PLAN = 32
     OUT_OF_REACH = 40
     COLLISION = 41
     NO_HEM = 42
@@ -84,6 +85,12 @@ class ModelError(CellError):
     """The weights are missing or do not fit the network."""
 
     code = ErrorCode.MODEL
+
+
+class DoubtfulPlanError(CellError):
+    """The plan found is more likely to fail than the user allows."""
+
+    code = ErrorCode.DOUBTFUL_PLAN
 
 
 class OutOfReachError(CellError):

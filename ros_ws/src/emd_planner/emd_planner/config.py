@@ -202,7 +202,7 @@ class TrainingConfig:
     average_decay: float = 0.998
     bfloat16: bool = True
     validation_share: float = 0.1
-    validate_every: float = 60.0
+    validate_every: float = 300.0
     checkpoint_every: float = 120.0
     augmentation: AugmentationConfig = AugmentationConfig()
 
@@ -239,6 +239,7 @@ class PlannerConfig:
         bfloat16: Search in bfloat16 where the processor multiplies it; gradients lose digits, of
             which iRprop- needs the signs only (ours).
         grasp_on_cloth: Move the grasp points of the first step onto the cloth that is seen (ours).
+        keep_in_reach: Move grasp and release points into the arms' reach in the end (ours).
         start_on_cloth: Start the grasp points on the cloth (ours); else anywhere in [-1, 1], as
             the paper's "random initialisation" may be read. Off the cloth the net learned that
             nothing happens, so that there is no gradient to follow.
@@ -279,6 +280,7 @@ class PlannerConfig:
     time_budget: float = math.inf
     bfloat16: bool = False
     grasp_on_cloth: bool = False
+    keep_in_reach: bool = False
     start_on_cloth: bool = True
     max_steps: int = 3
     step_margin: float = 0.1
@@ -330,6 +332,7 @@ PLANNERS: dict[str, PlannerConfig] = {
         halve_every=4,
         bfloat16=True,
         grasp_on_cloth=True,
+        keep_in_reach=True,
     ),
 }
 

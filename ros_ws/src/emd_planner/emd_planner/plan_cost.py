@@ -28,12 +28,12 @@ class PlanCost:
 
     Attributes:
         total: Weighted sum of all terms.
-        reach: The reach loss alone, without weight; None without reach limits.
+        reach: Knows the arms' regions; None without reach limits.
         needs_every_state: Whether a term looks at states before the last one.
     """
 
     total: Term
-    reach: Term | None
+    reach: ReachLoss | None
     needs_every_state: bool
 
 
@@ -72,9 +72,8 @@ def plan_cost(
     goal_cost = goal_term if config.goal_cost == "squared" else expected_goal_term
     terms = [(1.0, goal_cost(goal))]
     terms += [(weight, make()) for weight, make in optional if weight > 0.0]
-    reached = None
+    loss = None
     if reach is not None:
         loss = ReachLoss(reach, field_of_view, initial.device, config.arms_may_cross)
-        reached = reach_term(loss, *looks)
-        terms.append((config.reach_weight, reached))
-    return PlanCost(weighted_sum(terms), reached, len(terms) > 1)
+        terms.append((config.reach_weight, reach_term(loss, *looks)))
+    return PlanCost(weighted_sum(terms), loss, len(terms) > 1)

@@ -14,6 +14,7 @@ from emd_planner.config import PlannerConfig, Polygon, ReachConfig
 from emd_planner.cost import expected_goal_term, grasps_cloth, states_before
 from emd_planner.fold_plan import FoldPlan, PlanningProgress
 from emd_planner.interruption import TimeIsUp, ask_between_layers
+from emd_planner.into_reach import into_reach
 from emd_planner.losses import state_loss
 from emd_planner.plan_cost import plan_cost
 from emd_planner.planner import SearchProgress, SearchResult, search
@@ -202,19 +203,41 @@ class PlanningProblem:
     @torch.no_grad()
     def _candidate(self, values: Tensor, cost: float) -> Candidate | None:
         """Predict a sequence (n, 6) with the net itself; None if a step of it grasps no cloth."""
-        config = self._config
-        states = self._net.decode(torch.cat(self._net.roll_out(self._code, values[None])))[None]
-        before = states_before(self._initial, states, config.threshold)
-        used = grasps_cloth(values[None], before, config.grasp_tolerance_voxels)
-        if not used.any(2).all():
+        states, before, used = self._foreseen(values)
+        if not used.any(1).all():
             return None
-        values = values.clone()
-        if config.grasp_on_cloth:
-            points, hands = values[0, :4].view(2, 2), used[0, 0]
-            points[hands] = onto_silhouette(points[hands], silhouettes(self._initial))
+        adjusted = self._adjusted(values, used, silhouettes(before))
+        if not torch.equal(adjusted, values):
+            values = adjusted
+            states, _, used = self._foreseen(values)
+            if not used.any(1).all():
+                return None
+            cost = float(self._cost.total(states[None], values[None]))
         excess = 0.0
         if self._cost.reach is not None:
-            excess = float(self._cost.reach(states, values[None]))
-        return Candidate(
-            values, used[0], states[0], cost, excess * self._field_of_view.half_extent
-        )
+            excess = float(self._cost.reach(values, used).sum())
+        return Candidate(values, used, states, cost, excess * self._field_of_view.half_extent)
+
+    def _foreseen(self, values: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Give the states after and before each manipulation, and which hands grasp."""
+        states = self._net.decode(torch.cat(self._net.roll_out(self._code, values[None])))
+        before = states_before(self._initial, states[None], self._config.threshold)[0]
+        tolerance = self._config.grasp_tolerance_voxels
+        return states, before, grasps_cloth(values, before, tolerance)
+
+    def _adjusted(self, values: Tensor, used: Tensor, cloth: Tensor) -> Tensor:
+        """Move grasps onto the cloth that is seen, and all into reach, as the config says.
+
+        Args:
+            values: Shape (n, 6).
+            used: Boolean, shape (n, 2).
+            cloth: Silhouettes before each step, boolean, shape (n, X, Y).
+        """
+        values = values.clone()
+        if self._config.grasp_on_cloth:
+            points, hands = values[0, :4].view(2, 2), used[0]
+            points[hands] = onto_silhouette(points[hands], cloth[0])
+        if self._config.keep_in_reach and self._cost.reach is not None:
+            for step in range(len(values)):
+                values[step] = into_reach(values[step], used[step], self._cost.reach, cloth[step])
+        return values

@@ -107,19 +107,41 @@ class ReachLoss:
         Returns:
             Normalised units, shape (...).
         """
+        straight, crossed = self._both_ways(manipulations, used)
+        return torch.where(
+            self._crosses(manipulations, used, straight, crossed), crossed, straight
+        )
+
+    def regions_of(self, manipulation: Tensor, used: Tensor) -> tuple[Tensor, Tensor]:
+        """Give the regions, corners (N, 2), of the arms to which the two hands go.
+
+        Args:
+            manipulation: Shape (6,), normalised.
+            used: Which hands grasp cloth, boolean, shape (2,).
+        """
+        ways = self._both_ways(manipulation, used)
+        left, right = self._regions
+        return (right, left) if self._crosses(manipulation, used, *ways) else (left, right)
+
+    def _both_ways(self, manipulations: Tensor, used: Tensor) -> tuple[Tensor, Tensor]:
+        """Sum the distances if the first hand goes to the left arm, and if to the right one."""
         grasps = manipulations[..., :4].unflatten(-1, (2, 2))
         releases = grasps + manipulations[..., None, 4:]
         left, right = (
             (distance_to_polygon(grasps, region) + distance_to_polygon(releases, region)) * used
             for region in self._regions
         )
-        straight = left[..., 0] + right[..., 1]
-        crossed = right[..., 0] + left[..., 1]
-        least = torch.minimum(straight, crossed)
+        return left[..., 0] + right[..., 1], right[..., 0] + left[..., 1]
+
+    def _crosses(
+        self, manipulations: Tensor, used: Tensor, straight: Tensor, crossed: Tensor
+    ) -> Tensor:
+        """Whether the first hand goes to the right arm."""
+        nearer = crossed < straight
         if self._may_cross:
-            return least
-        ordered = torch.where(grasps[..., 0, 1] <= grasps[..., 1, 1], straight, crossed)
-        return torch.where(used.all(-1), ordered, least)
+            return nearer
+        ordered = manipulations[..., 1] > manipulations[..., 3]
+        return torch.where(used.all(-1), ordered, nearer)
 
 
 def _cross(a: Tensor, b: Tensor) -> Tensor:

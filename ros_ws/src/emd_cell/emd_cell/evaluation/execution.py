@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from emd_core.manipulation import Manipulation
 from emd_core.metrics import silhouette_iou, voxel_iou, voxel_mse
 from emd_core.voxel_grid import VoxelGrid
 from emd_planner.config import ReachConfig
+from emd_planner.trust import PlanFigures
 
 MODES = ("replan", "open")
 
@@ -40,6 +42,7 @@ class Record:
         plan_ms: Time of the first plan, milliseconds.
         executable: Whether all executed manipulations were within the arms' reach unchanged.
         failure: Why a plan or the simulation failed; empty if neither did.
+        figures: What the planner told of the first plan, if anything.
     """
 
     task: str
@@ -54,23 +57,40 @@ class Record:
     plan_ms: float
     executable: bool
     failure: str
+    figures: PlanFigures | None = None
 
     def as_entry(self) -> dict[str, object]:
         """Give it as JSON holds it."""
         return asdict(self)
 
+    @classmethod
+    def from_entry(cls, entry: dict[str, Any]) -> Record:
+        """Take it from what JSON held."""
+        figures = entry.get("figures")
+        return cls(**{**entry, "figures": figures and PlanFigures(**figures)})
+
 
 def perform(
-    task: Task, name: str, rival: Rival, mode: str, preset: ClothPreset, seed: int
+    task: Task,
+    name: str,
+    rival: Rival,
+    mode: str,
+    preset: ClothPreset,
+    seed: int,
+    reach: ReachConfig | None = None,
 ) -> tuple[Record, FloatArray]:
-    """Let a planner do a task; gives the record and the final mid-surface (V, 3), metres."""
+    """Let a planner do a task; gives the record and the final mid-surface (V, 3), metres.
+
+    `reach` is what `executable` is judged by; None: the cell's arms.
+    """
     rng = np.random.default_rng([seed, *hashlib.sha256(f"{task.name}{name}".encode()).digest()])
     cloth = Cloth.from_positions(task.start, preset.cloth)
     goal, idle = task.grid(task.goal), task.grid(cloth.positions_in_table)
     spacing = max(preset.cloth.spacing)
-    plan_ms, failure, executable = 0.0, "", True
+    plan_ms, failure, executable, figures = 0.0, "", True, None
     left: tuple[Manipulation, ...] = ()
-    regions = [np.array(ReachConfig().left), np.array(ReachConfig().right)]
+    reach = reach or ReachConfig()
+    regions = [np.array(reach.left), np.array(reach.right)]
     for step in range(task.steps):
         if mode == "replan" or step == 0:
             problem = Problem(
@@ -83,7 +103,8 @@ def perform(
             )
             proposal = rival.propose(problem)
             left = proposal.manipulations
-            plan_ms = proposal.planning_ms if step == 0 else plan_ms
+            if step == 0:
+                plan_ms, figures = proposal.planning_ms, proposal.figures
             failure = failure or proposal.failure
         if not left:
             break
@@ -111,6 +132,7 @@ def perform(
         plan_ms=plan_ms,
         executable=executable,
         failure=failure,
+        figures=figures,
     )
     return record, outcome
 

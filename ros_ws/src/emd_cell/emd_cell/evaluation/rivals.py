@@ -17,10 +17,14 @@ from emd_planner.config import PLANNERS, PlannerConfig, ReachConfig
 from emd_planner.memory import keep_freed_memory
 from emd_planner.plan import plan
 from emd_planner.state_predictor import StatePredictor
+from emd_planner.trust import PlanFigures
 from emd_planner.weights import load_net
 
 TRIVIAL = ("nothing", "empty", "random", "oracle", "oracle_perturbed")
 LONGEST_MOVE = 1.4  # normalised, of the authors' generator
+_HALF = ((-0.28, -0.28), (0.0, -0.28), (0.0, 0.28), (-0.28, 0.28))
+# Where hands may go: HIRO's arms, or no arm in the half of the field of view at x > 0.
+REACHES = {"cell": ReachConfig(), "half": ReachConfig(_HALF, _HALF)}
 
 
 @dataclass(frozen=True)
@@ -52,11 +56,13 @@ class Proposal:
         manipulations: In order; none: leave the cloth as it is.
         planning_ms: Time that it took.
         failure: Why there is no plan; empty if there is one.
+        figures: What the planner tells of the plan, if it tells anything.
     """
 
     manipulations: tuple[Manipulation, ...]
     planning_ms: float = 0.0
     failure: str = ""
+    figures: PlanFigures | None = None
 
 
 class Rival(ABC):
@@ -136,7 +142,8 @@ class NetPlanner(Rival):
             )
         except NoPlanError as err:
             return Proposal((), 1e3 * (time.perf_counter() - started), str(err))
-        return Proposal(tuple(found.manipulations), 1e3 * (time.perf_counter() - started))
+        elapsed = 1e3 * (time.perf_counter() - started)
+        return Proposal(tuple(found.manipulations), elapsed, figures=PlanFigures.of(found))
 
 
 def make_rivals(

@@ -130,6 +130,7 @@ def final_state(evaluation: Evaluation, record: Record) -> FloatArray:
         record.mode,
         evaluation.preset,
         evaluation.seed,
+        evaluation.reach,
     )[1]
 
 
@@ -149,7 +150,7 @@ def _read_journal(journal: Path, identity: str) -> dict[tuple[str, str], Record]
             f"{journal} is of another evaluation (other tasks, planners, weights or cloth); "
             "choose another output or delete it"
         )
-    records = [Record(**line) for line in lines[1:]]
+    records = [Record.from_entry(line) for line in lines[1:]]
     return {(record.task, record.planner): record for record in records}
 
 
@@ -164,7 +165,15 @@ def _perform_all(evaluation: Evaluation, jobs: list[Job], workers: int) -> Itera
     if workers == 1:
         rivals = make_rivals(evaluation.planners, evaluation.weights, evaluation.reach)
         for task, name, mode in jobs:
-            yield perform(task, name, rivals[name], mode, evaluation.preset, evaluation.seed)[0]
+            yield perform(
+                task,
+                name,
+                rivals[name],
+                mode,
+                evaluation.preset,
+                evaluation.seed,
+                evaluation.reach,
+            )[0]
         return
     # A spawned worker loads the kernels itself; forking after numba has started is not safe.
     with multiprocessing.get_context("spawn").Pool(workers, _start, (shared,)) as pool:
@@ -174,17 +183,18 @@ def _perform_all(evaluation: Evaluation, jobs: list[Job], workers: int) -> Itera
 _rivals: dict[str, Rival] = {}
 _preset: ClothPreset
 _seed: int
+_reach: ReachConfig | None
 
 
 def _start(shared: dict[str, Any]) -> None:
     """Make the planners once in each worker, on one core."""
-    global _preset, _seed
+    global _preset, _seed, _reach
     torch.set_num_threads(1)
     _rivals.update(make_rivals(shared["planners"], shared["weights"], shared["reach"]))
-    _preset, _seed = shared["preset"], shared["seed"]
+    _preset, _seed, _reach = shared["preset"], shared["seed"], shared["reach"]
 
 
 def _work(job: Job) -> Record:
     task, name, mode = job
     np.seterr(all="ignore")
-    return perform(task, name, _rivals[name], mode, _preset, _seed)[0]
+    return perform(task, name, _rivals[name], mode, _preset, _seed, _reach)[0]

@@ -50,6 +50,8 @@ class Plan:
         predicted_grids: Expected state after each.
         predicted_loss: loss_s of the last one to the goal.
         expected_error: Voxel MSE to be expected of the outcome.
+        failure_probability: That the outcome scores more than half of what the present state
+            does; NaN if unknown.
         planning_ms: Milliseconds that planning took.
     """
 
@@ -57,6 +59,7 @@ class Plan:
     predicted_grids: list[VoxelGrid]
     predicted_loss: float
     expected_error: float
+    failure_probability: float
     planning_ms: float
 
 
@@ -145,6 +148,7 @@ class CellClient(Node):
             [conversions.voxel_grid_from_message(item) for item in result.plan.predicted_grids],
             result.loss,
             result.plan.expected_error,
+            result.plan.failure_probability,
             conversions.time_from_message(result.planning_time) * 1e3,
         )
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from std_msgs.msg import Header
 
@@ -13,7 +15,7 @@ from emd_msgs_py.msg import FoldPlan as FoldPlanMsg
 from emd_planner.fold_plan import FoldPlan, PlanningProgress
 
 
-def plan_to_message(found: FoldPlan, header: Header) -> FoldPlanMsg:
+def plan_to_message(found: FoldPlan, header: Header, failure_probability: float) -> FoldPlanMsg:
     """Turn a plan into a message in the header's frame, the table's."""
     return FoldPlanMsg(
         header=header,
@@ -25,6 +27,7 @@ def plan_to_message(found: FoldPlan, header: Header) -> FoldPlanMsg:
         ],
         predicted_loss=found.predicted_loss,
         expected_error=found.expected_error,
+        failure_probability=failure_probability,
         reconstruction_loss=found.reconstruction_loss,
     )
 
@@ -40,6 +43,7 @@ def progress_to_feedback(
         header=header,
         manipulations=[conversions.manipulation_to_message(item, header) for item in made],
         predicted_loss=search.best_cost,
+        failure_probability=math.nan,
     )
     return PlanFold.Feedback(
         iteration=search.iteration, best_loss=search.best_cost, best_plan=best_plan

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import sys
 from collections.abc import Callable
 from typing import Any
 
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
 from visualization_msgs.msg import MarkerArray
 
-from emd_core.errors import NoObservationError
+from emd_core.errors import DoubtfulPlanError, NoObservationError
 from emd_core.ros import conversions
 from emd_core.ros.markers import ORANGE, clear_marker, manipulation_markers, voxel_marker
 from emd_core.ros.parameters import declare_config
@@ -30,6 +32,9 @@ from emd_planner.plan import plan
 from emd_planner.ros.plan_messages import plan_to_message, progress_to_feedback
 from emd_planner.ros.regions import declare_keep_out, declare_reach
 from emd_planner.ros.served_net import ServedNet
+from emd_planner.trust import PlanFigures
+
+_MOST_DOUBT = "max_failure_probability"
 
 
 class PlannerNode(Node):
@@ -47,6 +52,7 @@ class PlannerNode(Node):
         self._keep_out = declare_keep_out(self)
         device = resolve_device(self.declare_parameter("device", "auto").value)
         self._net = ServedNet(self, device)
+        self._declare_most_doubt()
         self._latest: VoxelGridMsg | None = None
         self.create_subscription(VoxelGridMsg, "perception/voxel_grid", self._on_grid, 5)
         self._markers = self.create_publisher(MarkerArray, "planner/markers", 5)
@@ -58,6 +64,12 @@ class PlannerNode(Node):
             self._on_request,
             callback_group=self._worker.callback_group,
         )
+
+    def _declare_most_doubt(self) -> None:
+        span = FloatingPointRange(from_value=0.0, to_value=1.0)
+        text = "plans that are more likely to fail are refused; 1: none"
+        descriptor = ParameterDescriptor(description=text, floating_point_range=[span])
+        self.declare_parameter(_MOST_DOUBT, 1.0, descriptor)
 
     def _on_grid(self, message: VoxelGridMsg) -> None:
         self._latest = message
@@ -111,10 +123,30 @@ class PlannerNode(Node):
             should_stop,
             self._keep_out,
         )
-        result.plan = plan_to_message(found, self._table_header())
+        chance = self._failure_probability(found)
+        result.plan = plan_to_message(found, self._table_header(), chance)
         result.loss = found.predicted_loss
         result.planning_time = conversions.duration_to_message(found.planning_ms * 1e-3)
         self._show(found)
+        self._refuse_if_doubtful(chance)
+
+    def _failure_probability(self, found: FoldPlan) -> float:
+        trust = self._net.trust
+        return math.nan if trust is None else trust.failure_probability(PlanFigures.of(found))
+
+    def _refuse_if_doubtful(self, chance: float) -> None:
+        most = self.get_parameter(_MOST_DOUBT).value
+        if math.isnan(chance) and most < 1.0:
+            raise DoubtfulPlanError(
+                f"{_MOST_DOUBT} is {most:.2f}, but nothing is known of how the plans of these "
+                "weights end; run `./cell fit-trust` for them, or set it to 1"
+            )
+        if chance > most:
+            raise DoubtfulPlanError(
+                f"the plan fails with a probability of {chance:.2f}, and {_MOST_DOUBT} is "
+                f"{most:.2f}; it is in the result, if you want it nevertheless; otherwise choose "
+                "a nearer goal or more steps, or train on cloth like this"
+            )
 
     def _initial_grid(self, request: Any) -> VoxelGrid:
         if not request.use_latest_grid:

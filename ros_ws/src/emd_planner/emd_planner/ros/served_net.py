@@ -12,7 +12,8 @@ from rclpy.parameter import Parameter
 
 from emd_core.errors import ModelError
 from emd_planner.state_predictor import StatePredictor
-from emd_planner.weights import load_net
+from emd_planner.trust import TrustModel, load_trust
+from emd_planner.weights import SHIPPED_WEIGHTS, load_net
 
 PARAMETER = "weights"
 
@@ -22,12 +23,16 @@ class ServedNet:
 
     Weights that cannot be loaded at the start leave the node alive: every plan is answered with
     the reason until good ones are set. Later, bad weights are refused and the net stays.
+
+    Attributes:
+        trust: What is known of the failures of the net's plans; None if nothing is.
     """
 
     def __init__(self, node: Node, device: torch.device) -> None:
         """Declare the parameter and load the net onto `device`."""
         self._device = device
         self._net: StatePredictor | None = None
+        self.trust: TrustModel | None = None
         self._problem = ""
         text = "safetensors file of the trained net; empty: the one that comes with the package"
         path = node.declare_parameter(PARAMETER, "", ParameterDescriptor(description=text)).value
@@ -49,7 +54,9 @@ class ServedNet:
         return self._net
 
     def _load(self, path: str) -> None:
-        self._net = load_net(Path(path) if path else None, self._device)
+        file = Path(path) if path else SHIPPED_WEIGHTS
+        net = load_net(file, self._device)
+        self._net, self.trust = net, load_trust(file)
 
     def _on_set(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         for parameter in parameters:
