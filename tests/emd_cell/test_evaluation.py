@@ -9,7 +9,15 @@ import pytest
 import torch
 
 from emd_cell.evaluation.execution import Record, perform, unwrapped
-from emd_cell.evaluation.rivals import REACHES, NetPlanner, make_rivals, within_reach
+from emd_cell.evaluation.rivals import (
+    REACHES,
+    NetPlanner,
+    Problem,
+    Proposal,
+    Rival,
+    make_rivals,
+    within_reach,
+)
 from emd_cell.evaluation.run import Evaluation, evaluate
 from emd_cell.evaluation.table import markdown, rows_of
 from emd_cell.evaluation.tasks import Task, neat_tasks, sequence_tasks
@@ -103,6 +111,40 @@ def test_plans_of_arms_that_reach_half_of_the_view_stay_there(tasks: list[Task])
         assert record.executable or record.failure
         assert record.figures is None or record.figures.steps == task.steps
         assert Record.from_entry(json.loads(json.dumps(record.as_entry()))) == record
+
+
+class _TriesFirst(Rival):
+    """Tries out what was recorded, then does it, or nothing."""
+
+    def __init__(self, then_does_it: bool) -> None:
+        self.then_does_it, self.foreseen = then_does_it, None
+
+    def propose(self, problem: Problem) -> Proposal:
+        """Keep what is foreseen."""
+        self.foreseen = problem.try_out(problem.recorded)
+        return Proposal(problem.recorded if self.then_does_it else ())
+
+
+def test_what_is_tried_out_comes_so_and_leaves_no_trace(tasks: list[Task]) -> None:
+    """The outcome is the one foreseen; who only tries has done nothing."""
+    task = tasks[2]
+    does, idles = _TriesFirst(True), _TriesFirst(False)
+    _, outcome = perform(task, "x", does, "open", TOWEL, 0)
+    assert np.array_equal(task.grid(outcome).occupancy, does.foreseen.occupancy)
+    record, outcome = perform(task, "x", idles, "open", TOWEL, 0)
+    assert record.voxel_mse == record.idle_mse
+    np.testing.assert_allclose(outcome, task.start, atol=1e-6)
+
+
+def test_trying_plans_out_is_no_worse(tasks: list[Task]) -> None:
+    """Of several plans the one that turns out best; the first of them is the net's choice."""
+    net, config = load_net(), replace(PLANNERS["ours"], restarts=3, candidates=8, max_iterations=2)
+    for task in tasks[:3]:
+        blind, _ = perform(task, "x", NetPlanner(net, config, None), "open", TOWEL, 0)
+        trying = NetPlanner(net, config, None, tried_out=3)
+        tried, _ = perform(task, "x", trying, "open", TOWEL, 0)
+        assert tried.voxel_mse <= blind.voxel_mse + 1e-3
+        assert tried.plan_ms > blind.plan_ms
 
 
 def test_a_killed_evaluation_goes_on_where_it_was(tasks: list[Task], tmp_path: Path) -> None:

@@ -190,7 +190,9 @@ def evaluate(
     mode: Annotated[str, typer.Option(help="replan (the paper's procedure) or open")] = "replan",
     planners: Annotated[
         list[str] | None,
-        typer.Option(help="paper ours nothing empty random oracle oracle_perturbed; many"),
+        typer.Option(
+            help="paper ours ours-simulated nothing empty random oracle oracle_perturbed; many"
+        ),
     ] = None,
     preset: Annotated[str | None, typer.Option(help="the cloth; default: reference, or towel")] = (
         None

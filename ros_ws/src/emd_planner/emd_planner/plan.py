@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -50,23 +51,47 @@ def plan(
         NoPlanError: If no restart ended with a grasp on the cloth in every step, or the time
             budget was spent before any sequence had been rated.
     """
+    return alternatives(
+        net, initial, goal, steps, 1, config, reach, seed, on_iteration, should_stop, keep_out
+    )[0]
+
+
+def alternatives(
+    net: StatePredictor,
+    initial: VoxelGrid,
+    goal: VoxelGrid,
+    steps: int,
+    count: int,
+    config: PlannerConfig | None = None,
+    reach: ReachConfig | None = None,
+    seed: int = 0,
+    on_iteration: Callable[[PlanningProgress], None] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+    keep_out: Sequence[Polygon] = (),
+) -> list[FoldPlan]:
+    """Find several plans from one search, the one that `plan` gives first.
+
+    The others are the best of other restarts and have as many steps. `count` is the most that are
+    given; the other arguments and the errors are those of `plan`.
+    """
     started = time.monotonic()
     config = config or PlannerConfig()
     _check(net, initial, goal, steps)
     problem = PlanningProblem(net, initial, goal, config, reach, keep_out, on_iteration)
     tried = [steps] if steps > 0 else list(range(1, config.max_steps + 1))
-    best: list[Candidate] = []
+    best: list[list[Candidate]] = []
     rated = False
-    for number, count in enumerate(tried, start=1):
+    for number, length in enumerate(tried, start=1):
         deadline = started + config.time_budget * number / len(tried)
-        found = problem.search(count, seed, Watch(should_stop, deadline))
-        candidate = next(problem.candidates(found), None)
-        best += [candidate] if candidate is not None else []
+        found = problem.search(length, seed, Watch(should_stop, deadline))
+        candidates = list(itertools.islice(problem.candidates(found), count))
+        best += [candidates] if candidates else []
         rated = rated or bool(found.costs.isfinite().any())
     if not best:
         raise _no_plan(config, tried, rated)
     elapsed = 1000.0 * (time.monotonic() - started)
-    return problem.fold_plan(_fewest_steps(best, config.step_margin), elapsed)
+    chosen = _fewest_steps(best, config.step_margin)
+    return [problem.fold_plan(candidate, elapsed) for candidate in chosen]
 
 
 def _no_plan(config: PlannerConfig, tried: list[int], rated: bool) -> NoPlanError:
@@ -82,10 +107,10 @@ def _no_plan(config: PlannerConfig, tried: list[int], rated: bool) -> NoPlanErro
     )
 
 
-def _fewest_steps(candidates: list[Candidate], margin: float) -> Candidate:
-    """Take the shortest plan whose cost is within a margin of the best one's."""
-    limit = (1.0 + margin) * min(candidate.cost for candidate in candidates)
-    return next(candidate for candidate in candidates if candidate.cost <= limit)
+def _fewest_steps(found: list[list[Candidate]], margin: float) -> list[Candidate]:
+    """Take the shortest plans, the first of which costs within a margin of the best one."""
+    limit = (1.0 + margin) * min(candidates[0].cost for candidates in found)
+    return next(candidates for candidates in found if candidates[0].cost <= limit)
 
 
 def _check(net: StatePredictor, initial: VoxelGrid, goal: VoxelGrid, steps: int) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -89,6 +90,16 @@ def perform(
     spacing = max(preset.cloth.spacing)
     plan_ms, failure, executable, figures = 0.0, "", True, None
     left: tuple[Manipulation, ...] = ()
+
+    def try_out(manipulations: Sequence[Manipulation]) -> VoxelGrid:
+        before = cloth.remember()
+        try:
+            for item in manipulations:
+                manipulate(cloth, unwrapped(item, cloth, task), preset.path)
+            return task.grid(cloth.positions_in_table)
+        finally:
+            cloth.go_back(before)
+
     reach = reach or ReachConfig()
     regions = [np.array(reach.left), np.array(reach.right)]
     for step in range(task.steps):
@@ -100,6 +111,7 @@ def perform(
                 task.recorded[step:],
                 spacing,
                 rng,
+                try_out,
             )
             proposal = rival.propose(problem)
             left = proposal.manipulations

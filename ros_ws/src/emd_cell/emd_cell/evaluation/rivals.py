@@ -2,25 +2,34 @@
 
 from __future__ import annotations
 
+import math
 import time
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from emd_core.errors import InvalidInputError, NoPlanError
+from emd_core.errors import InvalidInputError, NoPlanError, SimulationError
 from emd_core.frames import FloatArray
 from emd_core.manipulation import Manipulation
+from emd_core.metrics import voxel_mse
 from emd_core.voxel_grid import VoxelGrid
 from emd_planner.config import PLANNERS, PlannerConfig, ReachConfig
+from emd_planner.fold_plan import FoldPlan
 from emd_planner.memory import keep_freed_memory
-from emd_planner.plan import plan
+from emd_planner.plan import alternatives
 from emd_planner.state_predictor import StatePredictor
 from emd_planner.trust import PlanFigures
 from emd_planner.weights import load_net
 
 TRIVIAL = ("nothing", "empty", "random", "oracle", "oracle_perturbed")
+# Tries the best plans of "ours" in the simulation that will execute them: it borrows the truth.
+SIMULATED = "ours-simulated"
+RIVALS = (*TRIVIAL, *PLANNERS, SIMULATED)
+_TRIED_OUT = 4  # plans that "ours-simulated" tries
 LONGEST_MOVE = 1.4  # normalised, of the authors' generator
 _HALF = ((-0.28, -0.28), (0.0, -0.28), (0.0, 0.28), (-0.28, 0.28))
 # Where hands may go: HIRO's arms, or no arm in the half of the field of view at x > 0.
@@ -38,6 +47,8 @@ class Problem:
         recorded: Those that made the goal from where the task began; for the oracles only.
         spacing: Of the cloth's vertices, metres; for the perturbed oracle.
         rng: Of this task.
+        try_out: Tells the grid to which manipulations would lead, or raises `SimulationError`;
+            for planners that borrow the true dynamics only.
     """
 
     present: VoxelGrid
@@ -46,6 +57,7 @@ class Problem:
     recorded: tuple[Manipulation, ...]
     spacing: float
     rng: np.random.Generator
+    try_out: Callable[[Sequence[Manipulation]], VoxelGrid]
 
 
 @dataclass(frozen=True)
@@ -122,28 +134,50 @@ class NetPlanner(Rival):
     """The EMD net's search."""
 
     def __init__(
-        self, net: StatePredictor, config: PlannerConfig, reach: ReachConfig | None
+        self,
+        net: StatePredictor,
+        config: PlannerConfig,
+        reach: ReachConfig | None,
+        tried_out: int = 1,
     ) -> None:
-        """Search with a net; points must be in reach if a reach is given."""
+        """Search with a net.
+
+        Args:
+            net: Trained.
+            config: Of the search.
+            reach: Where points must be; None: anywhere.
+            tried_out: Of so many plans take the one that turns out best in the simulation; 1:
+                the one that the net thinks best.
+        """
         self._net, self._config, self._reach = net, config, reach
+        self._tried_out = tried_out
 
     def propose(self, problem: Problem) -> Proposal:
         """Plan all steps that are left."""
         started = time.perf_counter()
         try:
-            found = plan(
+            plans = alternatives(
                 self._net,
                 problem.present,
                 problem.goal,
                 problem.steps,
+                self._tried_out,
                 self._config,
                 self._reach,
                 int(problem.rng.integers(2**31)),
             )
         except NoPlanError as err:
             return Proposal((), 1e3 * (time.perf_counter() - started), str(err))
+        found = plans[0] if len(plans) == 1 else min(plans, key=partial(_outcome, problem))
         elapsed = 1e3 * (time.perf_counter() - started)
         return Proposal(tuple(found.manipulations), elapsed, figures=PlanFigures.of(found))
+
+
+def _outcome(problem: Problem, found: FoldPlan) -> float:
+    try:
+        return voxel_mse(problem.try_out(found.manipulations), problem.goal)
+    except SimulationError:
+        return math.inf
 
 
 def make_rivals(
@@ -152,7 +186,7 @@ def make_rivals(
     """Make planners by name.
 
     Args:
-        names: Of `TRIVIAL` or `emd_planner.config.PLANNERS`.
+        names: Of `RIVALS`.
         weights: Of the net; the shipped ones if None.
         reach: Where hands may go, for the planners that heed it; None: anywhere.
 
@@ -160,19 +194,20 @@ def make_rivals(
         InvalidInputError: If a name is unknown.
         ModelError: If the weights cannot be used.
     """
-    known = (*TRIVIAL, *PLANNERS)
-    unknown = sorted(set(names) - set(known))
+    unknown = sorted(set(names) - set(RIVALS))
     if unknown:
-        raise InvalidInputError(f"planners must be of {', '.join(known)}, got {unknown}")
+        raise InvalidInputError(f"planners must be of {', '.join(RIVALS)}, got {unknown}")
     net = None
-    if set(names) & set(PLANNERS):
+    if set(names) - set(TRIVIAL):
         keep_freed_memory()
         net = load_net(weights)
     rivals: dict[str, Rival] = {}
     for name in names:
-        if name in PLANNERS:
+        if name not in TRIVIAL:
             assert net is not None
-            rivals[name] = NetPlanner(net, PLANNERS[name], reach)
+            simulated = name == SIMULATED
+            config = PLANNERS["ours" if simulated else name]
+            rivals[name] = NetPlanner(net, config, reach, _TRIED_OUT if simulated else 1)
         elif name == "random":
             rivals[name] = RandomHands()
         elif name in ("oracle", "oracle_perturbed"):

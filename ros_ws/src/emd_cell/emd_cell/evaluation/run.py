@@ -14,7 +14,7 @@ import numpy as np
 import torch
 
 from emd_cell.evaluation.execution import MODES, Record, perform
-from emd_cell.evaluation.rivals import TRIVIAL, Rival, make_rivals
+from emd_cell.evaluation.rivals import RIVALS, SIMULATED, Rival, make_rivals
 from emd_cell.evaluation.tasks import Task
 from emd_cloth_sim.presets import ClothPreset
 from emd_core.errors import InvalidInputError
@@ -55,11 +55,9 @@ class Evaluation:
         """
         if self.mode not in MODES:
             raise InvalidInputError(f"mode must be one of {', '.join(MODES)}, got {self.mode!r}")
-        unknown = sorted(set(self.planners) - {*TRIVIAL, *PLANNERS})
+        unknown = sorted(set(self.planners) - set(RIVALS))
         if unknown or not self.planners:
-            raise InvalidInputError(
-                f"planners must be of {', '.join((*TRIVIAL, *PLANNERS))}, got {unknown}"
-            )
+            raise InvalidInputError(f"planners must be of {', '.join(RIVALS)}, got {unknown}")
 
     @property
     def jobs(self) -> list[Job]:
@@ -73,7 +71,11 @@ class Evaluation:
         digest = hashlib.sha256(weights.read_bytes() if weights.exists() else b"")
         content = [asdict(self.preset), self.seed, self.mode, self.reach and asdict(self.reach)]
         content.append(
-            {name: asdict(PLANNERS[name]) for name in self.planners if name in PLANNERS}
+            {
+                name: asdict(PLANNERS["ours" if name == SIMULATED else name])
+                for name in self.planners
+                if name in PLANNERS or name == SIMULATED
+            }
         )
         digest.update(json.dumps(content, sort_keys=True).encode())
         for task in self.tasks:
