@@ -137,7 +137,7 @@ def test_what_cannot_be_done_is_refused_before_anything_moves(
 
 
 def test_planning_is_cancelled_and_the_next_goal_served(client, fresh_cloth) -> None:
-    """The planner stops after the iteration that it is in and takes the next goal."""
+    """The planner stops in the middle of an iteration and takes the next goal."""
     grid = client.true_grid()
     goal_handle = client.send_goal(client._plan, plan_request(grid, restarts=64))
     time.sleep(0.3)

@@ -1,6 +1,7 @@
 """A planner without usable weights says so, lives on, and takes good ones while it runs."""
 
 import math
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from emd_core.errors import ErrorCode
 from emd_core.frames import FieldOfView
 from emd_core.ros import conversions
 from emd_msgs_py.srv import PlanFold
+from emd_planner.trust import TrustModel
 from emd_planner.weights import SHIPPED_WEIGHTS
 
 pytestmark = pytest.mark.system
@@ -59,7 +61,12 @@ def ask_for_a_plan(client) -> PlanFold.Response:
 
 def set_weights(client, path: Path | str):
     """Set the parameter and give the node's verdict."""
-    parameter = Parameter("weights", value=str(path)).to_parameter_msg()
+    return set_parameter(client, "weights", str(path))
+
+
+def set_parameter(client, name: str, value: str | float):
+    """Set a parameter of the planner and give the node's verdict."""
+    parameter = Parameter(name, value=value).to_parameter_msg()
     request = SetParameters.Request(parameters=[parameter])
     return ask(client, SetParameters, "set_parameters", request).results[0]
 
@@ -92,3 +99,24 @@ def test_missing_and_misshapen_weights_are_named_and_good_ones_taken(
     assert not set_weights(client, tmp_path / "nothing").successful
     assert ask_for_a_plan(client).plan.manipulations
     planner.require_alive()
+
+
+def test_plans_that_are_too_likely_to_fail_are_refused_but_told(client, planner, tmp_path) -> None:
+    """By what is known of the weights' plans; a limit without such knowledge refuses all."""
+    weights = Path(shutil.copy(SHIPPED_WEIGHTS, tmp_path / "net.safetensors"))
+    assert set_weights(client, weights).successful
+    plain = ask_for_a_plan(client)
+    assert plain.error_code == ErrorCode.NONE and math.isnan(plain.plan.failure_probability)
+    assert not set_parameter(client, "max_failure_probability", 1.5).successful
+    assert set_parameter(client, "max_failure_probability", 0.5).successful
+    unknown = ask_for_a_plan(client)
+    assert unknown.error_code == ErrorCode.DOUBTFUL_PLAN and "fit-trust" in unknown.error_msg
+    for weight, code in ((3.0, ErrorCode.DOUBTFUL_PLAN), (-3.0, ErrorCode.NONE)):
+        TrustModel((weight, 0.0, 0.0, 0.0, 0.0), 10, 5).save(weights)
+        assert set_weights(client, weights).successful
+        answer = ask_for_a_plan(client)
+        assert answer.error_code == code and answer.plan.manipulations
+        chance = 1.0 / (1.0 + math.exp(-weight))
+        assert answer.plan.failure_probability == pytest.approx(chance)
+    assert set_parameter(client, "max_failure_probability", 1.0).successful
+    assert set_weights(client, SHIPPED_WEIGHTS).successful

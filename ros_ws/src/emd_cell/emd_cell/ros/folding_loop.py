@@ -14,6 +14,7 @@ from emd_cell.ros.cell_client import CellClient, Plan
 from emd_core.errors import (
     CellError,
     CollisionError,
+    DoubtfulPlanError,
     InvalidInputError,
     NoHemError,
     NoPlanError,
@@ -23,7 +24,14 @@ from emd_core.metrics import voxel_mse
 from emd_core.voxel_grid import VoxelGrid
 
 # Errors after which nothing has moved and another plan may do.
-_REFUSALS = (NoPlanError, NoHemError, OutOfReachError, CollisionError, InvalidInputError)
+_REFUSALS = (
+    NoPlanError,
+    DoubtfulPlanError,
+    NoHemError,
+    OutOfReachError,
+    CollisionError,
+    InvalidInputError,
+)
 
 
 @dataclass(frozen=True)
