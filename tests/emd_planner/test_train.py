@@ -137,10 +137,13 @@ def test_a_run_leaves_its_scores_weights_and_origin(data, small_config, tmp_path
         "emd_net.json",
         "emd_net.safetensors",
         "log.csv",
+        "tensorboard",
     }
     with open(out / "log.csv", newline="") as stream:
         logged = list(csv.DictReader(stream))
     assert [float(row["one_step"]) for row in logged] == [row["one_step"] for row in rows]
+    assert all(row["manipulations_per_s"] > 0.0 and row["peak_share"] > 0.0 for row in rows)
+    assert b"peak_share" in next((out / "tensorboard").iterdir()).read_bytes()
     origin = read_provenance(path)
     assert origin["command"] == "c"
     assert origin["iterations"] == 3

@@ -12,6 +12,7 @@ from emd_planner.config import TrainingConfig
 from emd_planner.cost import grasps_cloth
 from emd_planner.losses import consistency_loss, state_loss
 from emd_planner.manhattan import Manhattan
+from emd_planner.process_group import ProcessGroup
 from emd_planner.state_predictor import StatePredictor
 
 
@@ -78,9 +79,9 @@ def proposal_loss(
 class AdamWRecipe:
     """AdamW with warm-up and cosine decay on loss_s + w_c loss_c + w_r loss_r (ours)."""
 
-    def __init__(self, net: nn.Module, config: TrainingConfig) -> None:
+    def __init__(self, net: nn.Module, config: TrainingConfig, group: ProcessGroup) -> None:
         """Keep the weights; vectors (biases) do not decay."""
-        self.config = config
+        self.config, self.group = config, group
         self.parameters = [p for p in net.parameters() if p.requires_grad]
         matrices = [p for p in self.parameters if p.ndim > 1]
         vectors = [p for p in self.parameters if p.ndim <= 1]
@@ -105,6 +106,7 @@ class AdamWRecipe:
             group["lr"] = config.learning_rate * learning_rate_share(progress, config)
         self.optimiser.zero_grad(set_to_none=True)
         total.backward()
+        self.group.average([p.grad for p in self.parameters if p.grad is not None])
         nn.utils.clip_grad_norm_(self.parameters, config.gradient_clip)
         self.optimiser.step()
 
@@ -120,14 +122,17 @@ class AdamWRecipe:
 class ManhattanRecipe:
     """The paper's rule: the signs of the gradients of loss_s and loss_c, summed (eq. 3)."""
 
-    def __init__(self, net: nn.Module, config: TrainingConfig) -> None:
+    def __init__(self, net: nn.Module, config: TrainingConfig, group: ProcessGroup) -> None:
         """Keep the weights."""
         self.optimiser = Manhattan(net.parameters(), config.learning_rate)
+        self.group = group
 
     def step(self, losses: Losses, progress: float) -> None:
         """Change the weights; the learning rate is constant, so `progress` does not matter."""
         state = self.optimiser.gradients(losses.state, retain_graph=True)
-        self.optimiser.step(state, self.optimiser.gradients(losses.consistency))
+        consistency = self.optimiser.gradients(losses.consistency)
+        self.group.average([g for g in (*state, *consistency) if g is not None])
+        self.optimiser.step(state, consistency)
 
     def state_dict(self) -> dict[str, Any]:
         """Give what a checkpoint needs."""
@@ -138,9 +143,12 @@ class ManhattanRecipe:
         self.optimiser.load_state_dict(state)
 
 
-def make_recipe(net: nn.Module, config: TrainingConfig) -> AdamWRecipe | ManhattanRecipe:
-    """Choose by `config.recipe`."""
-    return (ManhattanRecipe if config.recipe == "manhattan" else AdamWRecipe)(net, config)
+def make_recipe(
+    net: nn.Module, config: TrainingConfig, group: ProcessGroup | None = None
+) -> AdamWRecipe | ManhattanRecipe:
+    """Choose by `config.recipe`; gradients are averaged over the group's processes."""
+    kind = ManhattanRecipe if config.recipe == "manhattan" else AdamWRecipe
+    return kind(net, config, group or ProcessGroup())
 
 
 def learning_rate_share(progress: float, config: TrainingConfig) -> float:

@@ -2,7 +2,8 @@
 
 One run reads sequences, holds some out, trains, and writes to the output directory
 `checkpoint.pt` (to go on after an interruption: start the same command again), `log.csv`,
-`curve.png`, and at the end `emd_net.safetensors` with `emd_net.json`.
+`curve.png`, events for TensorBoard, and at the end `emd_net.safetensors` with `emd_net.json`.
+`torchrun --nproc-per-node N -m emd_planner.train ...` trains on N devices, a batch on each.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from emd_planner.config import RECIPE_NETS, RECIPES, TrainingConfig
 from emd_planner.dataset import SequenceSet
 from emd_planner.device import resolve_device
 from emd_planner.memory import keep_freed_memory
+from emd_planner.process_group import ProcessGroup, join_processes
 from emd_planner.sequence_files import load_sequences
 from emd_planner.trainer import Run, Trainer
 
@@ -59,14 +61,15 @@ def train(
         raise InvalidInputError("a run needs minutes or iterations above 0, got neither")
     trainer = Trainer(data, net_config, config, run)
     validated = saved = trainer.seconds
-    while run.progress(trainer.iteration, trainer.seconds) < 1.0:
-        if should_stop is not None and should_stop(trainer.iteration):
+    group = run.group
+    while group.of_leader(run.progress(trainer.iteration, trainer.seconds)) < 1.0:
+        if group.of_leader(should_stop is not None and should_stop(trainer.iteration)):
             trainer.save()
             return None
         trainer.step()
         if on_step is not None:
             on_step(trainer)
-        if trainer.seconds - validated >= config.validate_every:
+        if group.leads and trainer.seconds - validated >= config.validate_every:
             validated = trainer.seconds
             row = trainer.validate()
             if on_row is not None:
@@ -74,7 +77,7 @@ def train(
         if trainer.seconds - saved >= config.checkpoint_every:
             saved = trainer.seconds
             trainer.save()
-    if trainer.recent:
+    if group.leads and trainer.recent:
         row = trainer.validate()
         if on_row is not None:
             on_row(row)
@@ -86,6 +89,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Read the command line, train, and show how it goes."""
     options = _parse(arguments)
     keep_freed_memory()
+    group = ProcessGroup()
     console = Console()
     stopping: list[int] = []
     for name in (signal.SIGINT, signal.SIGTERM):
@@ -97,17 +101,20 @@ def main(arguments: list[str] | None = None) -> int:
         TimeElapsedColumn(),
     )
     try:
-        device = resolve_device(options.device)
         if options.threads:
             torch.set_num_threads(options.threads)
+        group = join_processes(resolve_device(options.device))
+        console.quiet = not group.leads
         data = load_sequences(options.data, split="train")
-        console.print(f"{len(data)} sequences, {data.manipulation_count} manipulations; {device}")
+        console.print(
+            f"{len(data)} sequences, {data.manipulation_count} manipulations; {_where(group)}"
+        )
         run = Run(
             options.out,
             options.minutes,
             options.iterations,
             options.seed,
-            device,
+            group,
             options.start_from,
             " ".join(["python -m emd_planner.train", *(arguments or sys.argv[1:])]),
         )
@@ -115,8 +122,8 @@ def main(arguments: list[str] | None = None) -> int:
             task = progress.add_task("training", total=1.0, rate="")
 
             def show(trainer: Trainer) -> None:
-                done = trainer.iteration * trainer.config.batch_size / trainer.seconds
-                rate = f"{done * trainer.config.rollout_steps:.0f} manipulations/s"
+                done = trainer.iteration * trainer.manipulations_a_step / trainer.seconds
+                rate = f"{done:.0f} manipulations/s"
                 part = run.progress(trainer.iteration, trainer.seconds)
                 progress.update(task, completed=part, rate=rate)
 
@@ -132,6 +139,7 @@ def main(arguments: list[str] | None = None) -> int:
     except CellError as err:
         console.print(f"[red]error:[/red] {err}")
         return 1
+    group.leave()
     if weights is None:
         console.print("stopped; the same command goes on from the checkpoint")
         return 130
@@ -140,7 +148,11 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _describe(row: dict[str, float]) -> str:
-    text = f"{row['iteration']:7.0f} it {row['seconds']:6.0f} s  train {row['train_loss_s']:.4f}"
+    text = (
+        f"{row['iteration']:7.0f} it {row['seconds']:6.0f} s  {row['manipulations_per_s']:.0f} "
+        f"manipulations/s ({row['peak_share']:.1%} of the device's peak)  train "
+        f"{row['train_loss_s']:.4f}"
+    )
     for name in ("one_step", "two_steps"):
         if name in row:
             text += (
@@ -148,6 +160,10 @@ def _describe(row: dict[str, float]) -> str:
                 f"empty {row[f'{name}_empty']:.4f}, mean {row[f'{name}_mean']:.4f})"
             )
     return text
+
+
+def _where(group: ProcessGroup) -> str:
+    return str(group.device) if group.size == 1 else f"{group.size} processes on {group.device}"
 
 
 def _training_config(options: argparse.Namespace) -> TrainingConfig:

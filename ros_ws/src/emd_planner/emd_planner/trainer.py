@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from torch import nn
 
@@ -16,7 +17,9 @@ from emd_planner.augmentation import augment
 from emd_planner.checkpoint import load_checkpoint, save_checkpoint
 from emd_planner.config import TrainingConfig
 from emd_planner.dataset import SequenceSet
+from emd_planner.process_group import ProcessGroup
 from emd_planner.recipe import Losses, make_recipe
+from emd_planner.speed import SpeedMeter, count_operations
 from emd_planner.training_log import TrainingLog, draw_curve
 from emd_planner.validation import Validator, mean_grid
 from emd_planner.weights import load_net, save_net
@@ -31,7 +34,7 @@ class Run:
         minutes: Training time over all its interruptions; 0: not limited by time.
         iterations: Number of batches; 0: not limited by number.
         seed: Of the initial weights, the split and the augmentation.
-        device: Where the net is trained.
+        group: The processes that train, and the device of this one.
         start_from: Weights to start from instead of random ones.
         command: How the run was started, for its provenance.
     """
@@ -40,7 +43,7 @@ class Run:
     minutes: float = 0.0
     iterations: int = 0
     seed: int = 0
-    device: torch.device = torch.device("cpu")
+    group: ProcessGroup = ProcessGroup()
     start_from: Path | None = None
     command: str = ""
 
@@ -68,24 +71,24 @@ class Trainer:
         self.train_set, held_out = data.split(config.validation_share, run.seed)
         average = mean_grid(self.train_set)
         self.validators = {
-            name: Validator(held_out, average, steps, run.device)
+            name: Validator(held_out, average, steps, run.group.device)
             for name, steps in (("one_step", 1), ("two_steps", 2))
             if len(held_out.window_starts(steps))
         }
         self.net = make_net(net_config, run.seed)
         if run.start_from is not None:
             self.net = load_net(run.start_from).train().requires_grad_(True)
-        self.net.to(run.device)
+        self.net.to(run.group.device)
         if config.bfloat16:
             self.net.compute_type = torch.bfloat16
         self.average = {n: p.detach().clone() for n, p in self.net.named_parameters()}
-        self.recipe = make_recipe(self.net, config)
-        self.generator = torch.Generator().manual_seed(run.seed)
+        self.recipe = make_recipe(self.net, config, run.group)
+        self.speed = SpeedMeter(run.group.device, self.net.compute_type)
         self.starts = self.train_set.window_starts(1)
         self.iteration, self.seconds = 0, 0.0
         self.recent: list[float] = []
         rows = self._resume() if self.checkpoint_path.exists() else []
-        self.log = TrainingLog(run.out / "log.csv", rows)
+        self.log = TrainingLog(run.out, rows) if run.group.leads else None
 
     @property
     def checkpoint_path(self) -> Path:
@@ -102,27 +105,46 @@ class Trainer:
             "seed": self.run.seed,
             "data": self.data_hash,
             "length": [self.run.minutes, self.run.iterations],
+            "processes": self.run.group.size,
         }
 
+    @property
+    def manipulations_a_step(self) -> int:
+        """How many manipulations all processes together train on in one step."""
+        return self.config.batch_size * self.config.rollout_steps * self.run.group.size
+
     def step(self) -> None:
-        """Train on one batch."""
+        """Train on one batch in each process."""
         begin = time.monotonic()
-        choice = torch.randint(
-            len(self.starts), (self.config.batch_size,), generator=self.generator
-        )
-        windows = self.train_set.windows(self.starts[choice.numpy()], self.config.rollout_steps)
-        grids, manipulations = augment(windows, self.config.augmentation, self.generator)
-        losses = Losses(
-            self.net,
-            grids.to(self.run.device),
-            manipulations.to(self.run.device),
-            self.config.reconstruction_weight > 0.0,
-        )
-        self.recipe.step(losses, self.run.progress(self.iteration, self.seconds))
+        progress = self.run.progress(self.iteration, self.seconds)
+        progress = self.run.group.of_leader(progress)
+        grids, manipulations = self._batch()
+
+        def learn() -> None:
+            losses = Losses(
+                self.net, grids, manipulations, self.config.reconstruction_weight > 0.0
+            )
+            self.recipe.step(losses, progress)
+            self.recent.append(losses.state.item())
+
+        if self.speed.knows_work:
+            learn()
+        else:
+            self.speed.set_work(count_operations(learn))
         self.iteration += 1
         self._update_average()
-        self.recent.append(losses.state.item())
-        self.seconds += time.monotonic() - begin
+        elapsed = time.monotonic() - begin
+        self.speed.note(elapsed)
+        self.seconds += elapsed
+
+    def _batch(self) -> tuple[torch.Tensor, torch.Tensor]:
+        """Draw a batch that depends on seed, process and iteration only."""
+        words = np.random.SeedSequence([self.run.seed, self.run.group.rank, self.iteration])
+        generator = torch.Generator().manual_seed(int(words.generate_state(1, np.uint32)[0]))
+        choice = torch.randint(len(self.starts), (self.config.batch_size,), generator=generator)
+        windows = self.train_set.windows(self.starts[choice.numpy()], self.config.rollout_steps)
+        grids, manipulations = augment(windows, self.config.augmentation, generator)
+        return grids.to(self.run.group.device), manipulations.to(self.run.group.device)
 
     @torch.no_grad()
     def _update_average(self) -> None:
@@ -132,10 +154,17 @@ class Trainer:
         torch._foreach_lerp_(list(self.average.values()), weights, 1.0 - decay)
 
     def validate(self) -> dict[str, float]:
-        """Score the averaged weights on the held-out sequences, log and draw."""
+        """Score the averaged weights on the held-out sequences, log and draw.
+
+        For the process that leads.
+        """
+        assert self.log is not None
+        steps_a_second, peak_share = self.speed.take()
         row = {
             "iteration": float(self.iteration),
             "seconds": self.seconds,
+            "manipulations_per_s": steps_a_second * self.manipulations_a_step,
+            "peak_share": peak_share,
             "train_loss_s": sum(self.recent) / max(1, len(self.recent)),
         }
         self.recent.clear()
@@ -152,13 +181,14 @@ class Trainer:
         return row
 
     def save(self) -> None:
-        """Write the checkpoint."""
+        """Write the checkpoint, in the process that leads."""
+        if self.log is None:
+            return
         state = {
             "identity": self.identity,
             "net": self.net.state_dict(),
             "average": self.average,
             "recipe": self.recipe.state_dict(),
-            "generator": self.generator.get_state(),
             "iteration": self.iteration,
             "seconds": self.seconds,
             "rows": self.log.rows,
@@ -171,12 +201,14 @@ class Trainer:
         for name, value in state["average"].items():
             self.average[name].copy_(value)
         self.recipe.load_state_dict(state["recipe"])
-        self.generator.set_state(state["generator"])
         self.iteration, self.seconds = state["iteration"], state["seconds"]
         return state["rows"]
 
     def export(self) -> Path:
-        """Write the averaged weights with their provenance."""
+        """Write the averaged weights with their provenance, in the process that leads."""
+        path = self.run.out / "emd_net.safetensors"
+        if self.log is None:
+            return path
         provenance = {
             "command": self.run.command,
             "seed": self.run.seed,
@@ -186,11 +218,11 @@ class Trainer:
             "training": dataclasses.asdict(self.config),
             "iterations": self.iteration,
             "seconds": round(self.seconds, 1),
-            "device": str(self.run.device),
+            "device": str(self.run.group.device),
+            "processes": self.run.group.size,
             "torch": torch.__version__,
             "scores": self.log.rows[-1] if self.log.rows else {},
         }
-        path = self.run.out / "emd_net.safetensors"
         save_net(self.net, path, provenance, self.average)
         return path
 

@@ -1,4 +1,4 @@
-"""The course of a training run: a CSV of scores and a picture of it."""
+"""The course of a training run: a CSV of scores, events for TensorBoard and a picture."""
 
 from __future__ import annotations
 
@@ -6,25 +6,34 @@ import csv
 from pathlib import Path
 from typing import Any
 
+from tensorboardX import SummaryWriter
+
 from emd_core.whole_file import whole_file
 
 
 class TrainingLog:
-    """Rows of scores, appended to a CSV and drawn as a PNG.
+    """Rows of scores, in `log.csv` and as events for TensorBoard.
 
     A run that goes on after an interruption goes on with its rows.
     """
 
-    def __init__(self, path: Path, rows: list[dict[str, float]]) -> None:
-        """Start with the rows of a checkpoint (or none) and write them to `path`."""
-        self.path = path
+    def __init__(self, folder: Path, rows: list[dict[str, float]]) -> None:
+        """Start with the rows of a checkpoint (or none) and write them to the folder."""
+        self.path = folder / "log.csv"
         self.rows = list(rows)
         self._write()
+        # Events after the checkpoint's last row are of steps that will be done anew.
+        last = int(rows[-1]["iteration"]) + 1 if rows else 0
+        self._events = SummaryWriter(str(folder / "tensorboard"), purge_step=last)
 
     def add(self, row: dict[str, float]) -> None:
         """Append a row; all rows have the same columns."""
         self.rows.append(row)
         self._write()
+        for name, value in row.items():
+            if name != "iteration":
+                self._events.add_scalar(name, value, int(row["iteration"]))
+        self._events.flush()
 
     def _write(self) -> None:
         if not self.rows:
