@@ -42,6 +42,10 @@ class ClothMesher:
         self._slab = make_mesh(unknown, unknown, slab, outside, Segment.CLOTH, smooth=True)
         self._slab.colours[len(triangles) : 2 * len(triangles)] = inside
 
+    def paint(self, colours: NDArray[np.float32]) -> None:
+        """Give both sides of the triangles colours, shape (T, 3), 0..1."""
+        self._slab.colours[: 2 * len(colours)] = np.tile(colours, (2, 1))
+
     def mesh(self, positions: FloatArray) -> Mesh:
         """Give the slab around mid-surface positions, shape (V, 3), in their frame."""
         normals = vertex_normals(np.ascontiguousarray(positions), self._triangles)

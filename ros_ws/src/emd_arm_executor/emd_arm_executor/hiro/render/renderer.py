@@ -91,6 +91,8 @@ class Renderer:
         links: Sequence[str],
         geometry: CellGeometry | None = None,
         config: RenderConfig | None = None,
+        table_texture: NDArray[np.float32] | None = None,
+        cloth_colours: NDArray[np.float32] | None = None,
     ) -> None:
         """Prepare the meshes.
 
@@ -98,6 +100,10 @@ class Renderer:
             links: Names of the robot's links, in the order of the transforms given to `render`.
             geometry: Where table and floor are.
             config: How the cell looks.
+            table_texture: The table top, of the shape that `scenery.wood_texture` gives; wood if
+                None.
+            cloth_colours: Of the cloth's triangles, shape (T, 3), 0..1, seen on both sides; those
+                of the config if None.
         """
         self.geometry = geometry or CellGeometry()
         self.config = config or RenderConfig()
@@ -106,9 +112,10 @@ class Renderer:
         depth, width, _ = self.geometry.table_size
         corner = self.geometry.table_centre_in_waist - np.array([depth / 2, width / 2, 0])
         self._wood = (
-            wood_texture(self.geometry),
+            wood_texture(self.geometry) if table_texture is None else table_texture,
             np.array([corner[0], corner[1], WOOD_TEXEL]),
         )
+        self._cloth_colours = cloth_colours
         self._mesher: ClothMesher | None = None
         self._mesher_key: tuple[int, int, float] = (0, 0, 0.0)
         self._light = np.array(self.config.light_direction, dtype=np.float64)
@@ -213,6 +220,8 @@ class Renderer:
             self._mesher = ClothMesher(
                 triangles, cloth.thickness, config.cloth_outside, config.cloth_inside
             )
+            if self._cloth_colours is not None:
+                self._mesher.paint(self._cloth_colours)
             self._mesher_key = key
         return self._mesher
 
