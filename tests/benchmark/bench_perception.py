@@ -52,8 +52,10 @@ class Row:
         quality: What perception says of itself.
         mask_iou: Intersection over union with the true mask; 0 if refused.
         voxel_mse: Of the grid of all frames; that of an empty grid if refused.
-        layers_right: Share of the interior columns with the right number of layers; None for
-            shapes whose layers are not counted.
+        layers_right: Share of the interior columns where the layers lie on each other (at creases
+            they gape) for which the height tells their number; None for shapes whose layers are
+            not counted.
+        layers_right_gaping: The same of all interior columns.
         segmentation_ms: Time of the segmentation alone.
         total_ms: Time of all, without the fusion of frames.
         plain_iou: Of plain grabCut.
@@ -70,6 +72,7 @@ class Row:
     mask_iou: float
     voxel_mse: float
     layers_right: float | None
+    layers_right_gaping: float | None
     segmentation_ms: float
     total_ms: float
     plain_iou: float | None
@@ -111,7 +114,7 @@ def _row(scene: Scene, with_plain: bool) -> Row:
     )
     if isinstance(found, str):
         empty = float(scene.grid.occupancy.mean())
-        return Row(*known, found, 0.0, 0.0, empty, _layers(scene, None), 0.0, 0.0, *plain)
+        return Row(*known, found, 0.0, 0.0, empty, *_layers(scene, None), 0.0, 0.0, *plain)
     took = found.milliseconds
     return Row(
         *known,
@@ -119,7 +122,7 @@ def _row(scene: Scene, with_plain: bool) -> Row:
         found.quality,
         _iou(found.mask, scene.mask),
         voxel_mse(found.voxel_grid, scene.grid),
-        _layers(scene, found),
+        *_layers(scene, found),
         took["segmentation"],
         took["total"] - took["fusion"],
         *plain,
@@ -130,22 +133,26 @@ def _iou(mask: NDArray[np.bool_], truth: NDArray[np.bool_]) -> float:
     return float((mask & truth).sum() / max((mask | truth).sum(), 1))
 
 
-def _layers(scene: Scene, found: Perception | None) -> float | None:
-    """Compare the layers that heights tell with the true ones, where neighbours have as many."""
+def _layers(scene: Scene, found: Perception | None) -> tuple[float, float] | tuple[None, None]:
+    """Compare the layers that heights tell with the true ones, where neighbours have as many.
+
+    Gives the share where they lie on each other, and everywhere.
+    """
     if scene.state.shape not in LAYERED:
-        return None
-    layers = scene.layers
+        return None, None
+    if found is None:
+        return 0.0, 0.0
+    layers, thickness = scene.layers, scene.state.thickness
     inner = (layers > 0) & (minimum_filter(layers, 3) == maximum_filter(layers, 3))
-    if found is None or not inner.any():
-        return 0.0
+    lying = inner & (scene.heights < (layers + 0.5) * thickness)
     fov, points = scene.grid.field_of_view, found.points_in_table
     index = np.floor((points[:, :2] + fov.half_extent) / fov.resolution[:2]).astype(int)
     held = ((index >= 0) & (index < np.array(fov.size[:2]))).all(axis=1)
     total, count = np.zeros(layers.shape), np.zeros(layers.shape)
     np.add.at(total, tuple(index[held].T), points[held, 2])
     np.add.at(count, tuple(index[held].T), 1.0)
-    told = np.rint(total / np.maximum(count, 1.0) / scene.state.thickness)
-    return float((told == layers)[inner].mean())
+    told = np.rint(total / np.maximum(count, 1.0) / thickness)
+    return float((told == layers)[lying].mean()), float((told == layers)[inner].mean())
 
 
 def _plain(scene: Scene) -> tuple[float, float]:
@@ -167,6 +174,7 @@ def _plain(scene: Scene) -> tuple[float, float]:
 def _summary(rows: Sequence[Row]) -> dict[str, Any]:
     ious = np.array([row.mask_iou for row in rows])
     layers = [row.layers_right for row in rows if row.layers_right is not None]
+    gaping = [row.layers_right_gaping for row in rows if row.layers_right_gaping is not None]
     beside = [row for row in rows if row.plain_ms is not None and row.plain_iou is not None]
     ours_ms = float(np.median([row.segmentation_ms for row in beside]))
     plain_ms = float(np.median([row.plain_ms for row in beside]))
@@ -175,6 +183,7 @@ def _summary(rows: Sequence[Row]) -> dict[str, Any]:
         "mask_iou_worst_decile": float(np.percentile(ious, 10)),
         "voxel_mse": float(np.mean([row.voxel_mse for row in rows])),
         "layers_right": float(np.mean(layers)),
+        "layers_right_gaping": float(np.mean(gaping)),
         "refused": sum(bool(row.refusal) for row in rows),
         "segmentation_ms": ours_ms,
         "total_ms": float(np.median([row.total_ms for row in rows])),

@@ -89,10 +89,16 @@ def test_an_empty_table_has_no_cloth(empty_scene) -> None:
 
 
 def test_cloth_of_the_tables_colour_is_not_invented() -> None:
-    """A cloth that cannot be told from the wood leads to a refusal, not to rubbish."""
-    scene = render([Layer(FLAT, 0.003, WOOD)], seed=13)
+    """A thin cloth that cannot be told from the wood leads to a refusal, not to rubbish."""
+    scene = render([Layer(FLAT, 0.0005, WOOD)], seed=13)
     with pytest.raises(NoClothError):
         segment(scene)
+
+
+def test_cloth_of_the_tables_colour_is_found_by_its_height() -> None:
+    """Where it lies clearly higher than the table, it needs no other colour."""
+    scene = render([Layer(FLAT, 0.004, WOOD)], seed=13)
+    assert iou(segment(scene).mask, scene.mask) > 0.9
 
 
 def test_a_tall_box_is_no_cloth() -> None:

@@ -42,8 +42,7 @@ class SegmentationConfig:
         chroma_floor: Least spread of the table's a* and b* that is assumed.
         lightness_floor: Least spread of the table's L* that is assumed; wide, because a shadow
             changes L* alone.
-        height_floor: Least spread of the table's measured height that is assumed. A Kinect's
-            own distortion reaches several millimetres at 1 m.
+        height_floor: Least spread of the table's measured height about its trend that is assumed.
         border_share: The table's colour is learnt from this share of the region, nearest its rim.
         min_contrast: Least distance of the cloth from the table, in spreads of the table.
         max_contrast: Largest seed threshold, in spreads of the table.
@@ -63,7 +62,7 @@ class SegmentationConfig:
     chroma_gain: float = 2.5
     chroma_floor: float = 2.0
     lightness_floor: float = 16.0
-    height_floor: float = 0.004
+    height_floor: float = 0.0006
     border_share: float = 0.6
     min_contrast: float = 3.5
     max_contrast: float = 5.0

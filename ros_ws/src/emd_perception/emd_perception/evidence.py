@@ -17,9 +17,15 @@ from emd_perception.table_appearance import (
     colour_contrast,
     lab_from_rgb,
     learn_table_appearance,
+    region_rim,
     smooth_height,
+    trend_basis,
 )
 
+_LIKE_TABLE = 2.5  # spreads of colour; a pixel so near to the table's colour may show it bare
+_HEIGHT_ROUNDS = 4  # of fitting the bare table's height and leaving out what lies off it
+_HEIGHT_RIDGE = 1e-3
+_MIN_BARE = 50
 _NEAR_PLANE = 0.012  # metres; candidates for bare table, wide enough for a Kinect's distortion
 
 
@@ -86,9 +92,9 @@ def gather_evidence(
             "no bare table is in view, so the cloth cannot be told from it; widen the view or "
             "check the extrinsics"
         )
-    contrast = np.hypot(
-        colour_contrast(lab, appearance), _height_contrast(small_height, candidates, config)
-    )
+    colours = colour_contrast(lab, appearance)
+    bare = region_rim(candidates, config.border_share) & (colours < _LIKE_TABLE)
+    contrast = np.hypot(colours, height_contrast(small_height, bare, config.height_floor))
     low = small_region & ~(small_height > config.max_height)
     threshold = float(np.clip(_otsu(contrast[low]), config.min_contrast, config.max_contrast))
     return Evidence(
@@ -112,12 +118,37 @@ def _reduce(image: FloatImage, shape: tuple[int, int]) -> FloatImage:
     return np.asarray(reduced, dtype=np.float32)
 
 
-def _height_contrast(height: DepthImage, table: Mask, config: SegmentationConfig) -> FloatImage:
-    """Height in spreads of the table's measured height, 0 below it and where unknown."""
-    near = height[table]
-    spread = 1.4826 * float(np.median(np.abs(near - np.median(near))))
-    raised = np.nan_to_num(np.maximum(height, 0.0), nan=0.0)
-    return np.asarray(raised / max(config.height_floor, spread), dtype=np.float32)
+def height_contrast(height: DepthImage, bare: Mask, floor: float) -> FloatImage:
+    """Height above the bare table in spreads of what is measured there.
+
+    The table's height is a smooth trend across the picture, as sensors bend planes.
+
+    Args:
+        height: Smoothed, shape (h, w), metres, NaN where unknown.
+        bare: Pixels that show the bare table, shape (h, w).
+        floor: Least spread that is assumed, metres.
+
+    Returns:
+        Shape (h, w); 0 below the table and where unknown.
+    """
+    basis = trend_basis(height.shape)
+    known = bare & np.isfinite(height)
+    if known.sum() < _MIN_BARE:
+        known = np.isfinite(height) & (np.abs(height) < _NEAR_PLANE)
+    trend = np.zeros(basis.shape[-1])
+    spread = _NEAR_PLANE
+    for _ in range(_HEIGHT_ROUNDS):
+        residual = height - basis @ trend
+        near = known & (np.abs(residual) < 3.0 * spread)
+        if near.sum() < _MIN_BARE:
+            break
+        ridge = _HEIGHT_RIDGE * near.sum() * np.diag([0.0] + [1.0] * (len(trend) - 1))
+        some = basis[near].astype(np.float64)
+        trend = np.linalg.solve(some.T @ some + ridge, some.T @ height[near])
+        left = height[near] - some @ trend
+        spread = max(floor, 1.4826 * float(np.median(np.abs(left - np.median(left)))))
+    raised = np.nan_to_num(np.maximum(height - basis @ trend, 0.0), nan=0.0)
+    return np.asarray(raised / spread, dtype=np.float32)
 
 
 def _otsu(contrast: NDArray[Any]) -> float:

@@ -134,7 +134,7 @@ def _judge(cloth: Thing, evidence: Evidence, config: SegmentationConfig) -> tupl
         Judgement(good(outside, 0.4, 0.8), "the outline leaves out much that is not table"),
         Judgement(good(edge, 0.3, 0.8), "the outline is no edge of colour or height"),
         Judgement(good(cloth.rim_share, 0.4, 0.04), "the cloth reaches out of view"),
-        Judgement(good(cloth.tall_share, 0.4, 0.1), "something tall stands at the cloth"),
+        Judgement(good(cloth.tall_share, 0.8, 0.1), "something tall stands at the cloth"),
         Judgement(
             good(height, config.max_height, 0.03),
             f"it lies {1e3 * height:.0f} mm above the table, more than cloth does",

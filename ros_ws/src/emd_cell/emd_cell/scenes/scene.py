@@ -19,6 +19,7 @@ from emd_arm_executor.robot_model import RobotModel
 from emd_cell.scenes.cloth_states import ClothState, draw_state
 from emd_cell.scenes.looks import Look, draw_look
 from emd_cloth_sim.config import ClothConfig
+from emd_cloth_sim.replay import resample_sheet
 from emd_core.errors import OutOfReachError
 from emd_core.frames import FieldOfView, FloatArray
 from emd_core.pinhole_camera import PinholeCamera
@@ -26,6 +27,8 @@ from emd_core.voxel_grid import VoxelGrid, voxelise
 
 HANDS_SHARE = 0.2  # of the scenes with a hand over the table
 _CAMERA_STRAY = (0.02, 0.03)  # metres and radians, standard deviations
+_GRID_SAMPLES = 81  # points a side of the sheet, as the paper's mesh has, for the true grid
+_SAMPLES = 321  # for heights
 _HAND_HEIGHTS = (0.03, 0.12)
 
 
@@ -45,6 +48,7 @@ class Scene:
         mask: Where cloth is seen, shape (H, W).
         grid: The true one.
         layers: Of cloth over the middle of each column, shape (X, Y).
+        heights: Of the highest cloth in each column, shape (X, Y), metres; 0 without.
     """
 
     name: str
@@ -58,6 +62,7 @@ class Scene:
     mask: NDArray[np.bool_]
     grid: VoxelGrid
     layers: NDArray[np.int64]
+    heights: FloatArray
 
 
 class SceneMaker:
@@ -106,8 +111,9 @@ class SceneMaker:
             camera,
             self._geometry.transform_waist_to_table @ to_waist,
             picture.segmentation == Segment.CLOTH,
-            voxelise(state.top_surface, field_of_view),
+            voxelise(resample_sheet(state.top_surface, _GRID_SAMPLES), field_of_view),
             state.layers_at(column_centres(field_of_view)).reshape(field_of_view.size[:2]),
+            _heights(state, field_of_view),
         )
 
     def _reach_over(self, state: ClothState, rng: np.random.Generator) -> bool:
@@ -134,6 +140,15 @@ class SceneMaker:
         turn = Rotation.from_rotvec(rng.normal(0.0, _CAMERA_STRAY[1], 3)).as_matrix()
         pose[:3, :3] = pose[:3, :3] @ turn
         return pose
+
+
+def _heights(state: ClothState, field_of_view: FieldOfView) -> FloatArray:
+    points = resample_sheet(state.top_surface, _SAMPLES)
+    heights = np.zeros(field_of_view.size[:2])
+    index = np.floor((points[:, :2] + field_of_view.half_extent) / field_of_view.resolution[:2])
+    held = ((index >= 0) & (index < np.array(heights.shape))).all(axis=1)
+    np.maximum.at(heights, tuple(index[held].astype(int).T), points[held, 2])
+    return heights
 
 
 def column_centres(field_of_view: FieldOfView) -> FloatArray:
