@@ -53,6 +53,11 @@ def tall_pixels(evidence: Evidence, config: SegmentationConfig) -> Mask:
     return dilate(opened(evidence.height > config.max_height, 3), 3)
 
 
+def raised_pixels(evidence: Evidence) -> Mask:
+    """Pixels higher than most cloth lies: piles, hands, the robot's pedestal."""
+    return np.asarray(evidence.height > _LOW)
+
+
 def height_steps(evidence: Evidence, config: SegmentationConfig) -> Mask:
     """Pixels at a jump of height that no fold makes."""
     known = np.isfinite(evidence.height)

@@ -8,7 +8,14 @@ import cv2
 import numpy as np
 
 from emd_core.errors import NoClothError
-from emd_perception.candidates import Thing, choose_cloth, find_things, height_steps, tall_pixels
+from emd_perception.candidates import (
+    Thing,
+    choose_cloth,
+    find_things,
+    height_steps,
+    raised_pixels,
+    tall_pixels,
+)
 from emd_perception.config import SegmentationConfig
 from emd_perception.evidence import Evidence, gather_evidence
 from emd_perception.graph_cut import Seeds, cut, refine
@@ -17,6 +24,7 @@ from emd_perception.mask_morphology import dilate, erode, label_components, open
 from emd_perception.quality import Judgement, combine, good
 
 _MIN_KEPT_SHARE = 0.4  # of the seeds; a cut that keeps less has found something else
+_LEAST_PART = 0.0004  # square metres; smaller parts are not looked at by themselves
 _REACH = 6  # reduced pixels by which the cut may go beyond the seeds
 
 
@@ -63,6 +71,7 @@ def segment_cloth(
     seeds, chosen = _seed(evidence, tall, settings)
     first_cut, mixtures = cut(evidence.lab, seeds, settings)
     outline = _piece_at(opened(first_cut, 3), chosen.mask)
+    outline = _piece_at(_without_intruders(outline, evidence, tall), chosen.mask)
     things = find_things(outline, evidence, tall, settings.min_area)
     if not things or outline[chosen.mask].mean() < _MIN_KEPT_SHARE:
         raise NoClothError(
@@ -100,6 +109,15 @@ def _seed(evidence: Evidence, tall: Mask, config: SegmentationConfig) -> tuple[S
     strong = evidence.contrast > 1.2 * evidence.threshold
     surely_cloth = erode(chosen.mask, 5, outside=True) & strong & ~surely_not
     return Seeds(unlike, surely_cloth, surely_not), chosen
+
+
+def _without_intruders(outline: Mask, evidence: Evidence, tall: Mask) -> Mask:
+    """Take away what a cut has joined with the cloth though it lies high: hands, the robot."""
+    kept = outline.copy()
+    for part in find_things(outline & raised_pixels(evidence), evidence, tall, _LEAST_PART):
+        if part.is_intruder():
+            kept &= ~dilate(part.mask, 7)
+    return opened(kept, 3)
 
 
 def _piece_at(mask: Mask, guide: Mask) -> Mask:
