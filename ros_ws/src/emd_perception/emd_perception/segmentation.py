@@ -25,6 +25,7 @@ from emd_perception.quality import Judgement, combine, good
 
 _MIN_KEPT_SHARE = 0.4  # of the seeds; a cut that keeps less has found something else
 _LEAST_PART = 0.0004  # square metres; smaller parts are not looked at by themselves
+_LIKE_COLOUR = 15.0  # L*a*b* units between the mean colours of two pieces of one cloth
 _REACH = 6  # reduced pixels by which the cut may go beyond the seeds
 
 
@@ -70,8 +71,8 @@ def segment_cloth(
     tall = tall_pixels(evidence, settings)
     seeds, chosen = _seed(evidence, tall, settings)
     first_cut, mixtures = cut(evidence.lab, seeds, settings)
-    outline = _piece_at(opened(first_cut, 3), chosen.mask)
-    outline = _piece_at(_without_intruders(outline, evidence, tall), chosen.mask)
+    pieces = _without_intruders(opened(first_cut, 3), evidence, tall)
+    outline = _piece_at(pieces, chosen.mask)
     things = find_things(outline, evidence, tall, settings.min_area)
     if not things or outline[chosen.mask].mean() < _MIN_KEPT_SHARE:
         raise NoClothError(
@@ -86,8 +87,9 @@ def segment_cloth(
             f"what differs most from the table does not look like cloth (quality {quality:.2f}): "
             f"{reason}; put the cloth into view"
         )
-    mask = refine(colour, cloth.mask, mixtures, settings) & region
-    mask = _piece_at(mask, resize_mask(cloth.mask, mask.shape))
+    outline = _behind_hands(pieces, cloth.mask, evidence, tall)
+    mask = refine(colour, outline, mixtures, settings) & region
+    mask = _pieces_near(mask, resize_mask(outline, mask.shape))
     mask = _fill_holes(mask, pixel_area, height, settings)
     return Segmentation(mask, float(pixel_area[mask].sum()), judgements)
 
@@ -118,6 +120,34 @@ def _without_intruders(outline: Mask, evidence: Evidence, tall: Mask) -> Mask:
         if part.is_intruder():
             kept &= ~dilate(part.mask, 7)
     return opened(kept, 3)
+
+
+def _behind_hands(pieces: Mask, cloth: Mask, evidence: Evidence, tall: Mask) -> Mask:
+    """Add to the cloth what a hand above it cuts off: pieces beyond the hand of like colour."""
+    hand = dilate(tall | (raised_pixels(evidence) & ~cloth), 7)
+    count, labels = label_components(pieces & ~cloth)
+    joined = label_components(cloth | hand)[1]
+    at_cloth = np.unique(joined[cloth])
+    own = evidence.lab[cloth].mean(axis=0)
+    whole = cloth.copy()
+    for label in range(1, count):
+        piece = labels == label
+        touched = np.unique(joined[dilate(piece, 3) & hand])
+        alike = np.linalg.norm(evidence.lab[piece].mean(axis=0) - own) < _LIKE_COLOUR
+        if evidence.pixel_area[piece].sum() >= _LEAST_PART and alike:
+            if np.isin(touched, at_cloth).any():
+                whole |= piece
+    return whole
+
+
+def _pieces_near(mask: Mask, guide: Mask) -> Mask:
+    """The connected pieces of a mask that share a good part of their pixels with a guide."""
+    count, labels = label_components(mask)
+    size = np.bincount(labels.ravel(), minlength=count)
+    shared = np.bincount(labels[guide], minlength=count)
+    near = shared > 0.5 * size
+    near[0] = False
+    return np.asarray(near[labels])
 
 
 def _piece_at(mask: Mask, guide: Mask) -> Mask:
