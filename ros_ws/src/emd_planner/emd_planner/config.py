@@ -220,6 +220,8 @@ class PlannerConfig:
             (ours).
         single_handed_share: Share of the random starts' steps in which the second hand starts
             off the cloth (ours).
+        try_single_handed: Whether of the best starts such are rated, too, of which one hand is
+            taken off the cloth in one step (ours).
         goal_cost: "squared": loss_s of the predicted probabilities, as in the paper. "expected":
             the mean squared error that is to be expected of the outcome if the probabilities are
             right, mean of p (1 - g) + (1 - p) g; it also counts what the net is unsure of (ours).
@@ -267,6 +269,7 @@ class PlannerConfig:
     candidates: int = 0
     guessed_share: float = 0.0
     single_handed_share: float = 0.0
+    try_single_handed: bool = False
     goal_cost: Literal["squared", "expected"] = "squared"
     halve_every: int = 0
     patience: int = 25
@@ -328,6 +331,7 @@ PLANNERS: dict[str, PlannerConfig] = {
         candidates=64,
         guessed_share=0.75,
         single_handed_share=0.5,
+        try_single_handed=True,
         goal_cost="expected",
         halve_every=4,
         bfloat16=True,

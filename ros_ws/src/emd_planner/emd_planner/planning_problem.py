@@ -20,7 +20,7 @@ from emd_planner.plan_cost import plan_cost
 from emd_planner.planner import SearchProgress, SearchResult, search
 from emd_planner.planning_net import planning_copy
 from emd_planner.silhouette import onto_silhouette, silhouettes
-from emd_planner.starts import guessed_sequences, random_values
+from emd_planner.starts import guessed_sequences, random_values, with_one_hand
 from emd_planner.state_predictor import StatePredictor
 
 
@@ -185,9 +185,13 @@ class PlanningProblem:
         if guessed is not None:
             costs = torch.cat([self._cost.total(guessed.states, guessed.values), costs])
             values = torch.cat([guessed.values, values])
-        costs = costs.nan_to_num(torch.inf)
-        best = costs.argsort(stable=True)[: config.restarts]
-        return values[best], costs[best]
+        values, costs = _cheapest(values, costs, config.restarts)
+        if not config.try_single_handed:
+            return values, costs
+        silhouette = silhouettes(self._initial)
+        single = torch.cat([with_one_hand(values, hand, silhouette, generator) for hand in (0, 1)])
+        costs = torch.cat([costs, self._cost.total(self._predict(single), single)])
+        return _cheapest(torch.cat([values, single]), costs, config.restarts)
 
     def _predict(self, values: Tensor) -> Tensor:
         """Predict states (A, n, X, Y, Z), those before the last without gradients."""
@@ -241,3 +245,10 @@ class PlanningProblem:
             for step in range(len(values)):
                 values[step] = into_reach(values[step], used[step], self._cost.reach, cloth[step])
         return values
+
+
+def _cheapest(values: Tensor, costs: Tensor, count: int) -> tuple[Tensor, Tensor]:
+    """Give the values and costs of the `count` cheapest."""
+    costs = costs.nan_to_num(torch.inf)
+    best = costs.argsort(stable=True)[:count]
+    return values[best], costs[best]

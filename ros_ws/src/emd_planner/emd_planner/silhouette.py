@@ -27,12 +27,15 @@ def edge_columns(silhouette: Tensor) -> Tensor:
 def onto_silhouette(points: Tensor, silhouette: Tensor) -> Tensor:
     """Move points that lie beside a silhouette to the middle of its nearest column.
 
+    Points in the outer half of a column at the silhouette's edge are moved to its middle, too: of
+    such a column the cloth may cover a sliver only.
+
     Args:
         points: Normalised, shape (P, 2).
         silhouette: Boolean, shape (X, Y), X = Y.
 
     Returns:
-        Shape (P, 2); points on the silhouette stay, and all do if it is empty.
+        Shape (P, 2); points on the silhouette stay otherwise, and all do if it is empty.
     """
     count = silhouette.shape[-1]
     columns = columns_of(points, count)
@@ -43,7 +46,22 @@ def onto_silhouette(points: Tensor, silhouette: Tensor) -> Tensor:
     ways = (centres - points[:, None] + 1.0) % 2.0 - 1.0
     nearest = ways.square().sum(-1).argmin(1)
     moved = centres[nearest]
-    return torch.where(inside[:, None], points, moved)
+    return torch.where(inside[:, None], _inwards(points, columns, silhouette), moved)
+
+
+def _inwards(points: Tensor, columns: Tensor, silhouette: Tensor) -> Tensor:
+    """Move points out of the halves of their columns that lie beside an empty column."""
+    count = silhouette.shape[-1]
+    middles = (columns + 0.5) * (2.0 / count) - 1.0
+    offsets = (points - middles + 1.0) % 2.0 - 1.0
+    for axis in range(2):
+        step = torch.zeros_like(columns)
+        step[:, axis] = 1
+        beyond, before = ((columns + sign * step) % count for sign in (1, -1))
+        open_above = ~silhouette[beyond[:, 0], beyond[:, 1]] & (offsets[:, axis] > 0.0)
+        open_below = ~silhouette[before[:, 0], before[:, 1]] & (offsets[:, axis] < 0.0)
+        offsets[:, axis] = torch.where(open_above | open_below, 0.0, offsets[:, axis])
+    return torch.where((offsets == 0.0), middles, points)
 
 
 def columns_of(points: Tensor, count: int) -> Tensor:
