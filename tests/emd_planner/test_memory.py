@@ -1,7 +1,8 @@
-"""Memory kept for the next tensors."""
+"""Memory kept for the next tensors, and threads that wait."""
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 
@@ -36,3 +37,23 @@ def test_training_steps_hardly_fault_pages() -> None:
         pytest.skip("this C library has no mallopt")
     assert done.returncode == 0, done.stderr
     assert int(done.stdout) < 1000
+
+
+WAITING = """
+import os, sys
+import emd_planner.planning_net
+assert "torch" in sys.modules
+print(os.environ["OMP_WAIT_POLICY"])
+"""
+
+
+@pytest.mark.parametrize(("asked", "wanted"), [(None, "PASSIVE"), ("ACTIVE", "ACTIVE")])
+def test_waiting_threads_sleep_unless_the_user_says_otherwise(asked, wanted) -> None:
+    """Set before PyTorch reads it."""
+    environment = {name: value for name, value in os.environ.items() if name != "OMP_WAIT_POLICY"}
+    if asked is not None:
+        environment["OMP_WAIT_POLICY"] = asked
+    environment["PYTHONPATH"] = os.pathsep.join(sys.path)
+    command = [sys.executable, "-c", WAITING]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == wanted

@@ -48,8 +48,8 @@ def plan(
     Raises:
         InvalidInputError: If grids, net and steps do not fit each other.
         CancelledError: If `should_stop` says so.
-        NoPlanError: If no restart ended with a grasp on the cloth in every step, or the time
-            budget was spent before any sequence had been rated.
+        NoPlanError: If no restart ended with a grasp on the cloth, within reach if points must
+            keep there, in every step, or the time budget was spent before any had been rated.
     """
     return alternatives(
         net, initial, goal, steps, 1, config, reach, seed, on_iteration, should_stop, keep_out
@@ -102,8 +102,8 @@ def _no_plan(config: PlannerConfig, tried: list[int], rated: bool) -> NoPlanErro
         )
     return NoPlanError(
         f"none of {config.restarts} restarts for {tried} steps ended with a grasp on the "
-        "cloth in every step; is the goal what the initial state shows already? Otherwise "
-        "try more restarts, fewer steps or another seed"
+        "cloth, within reach, in every step; is the goal what the initial state shows already? "
+        "Otherwise try more restarts, fewer steps or another seed"
     )
 
 

@@ -23,6 +23,8 @@ from emd_planner.silhouette import onto_silhouette, silhouettes
 from emd_planner.starts import guessed_sequences, random_values, with_one_hand
 from emd_planner.state_predictor import StatePredictor
 
+_ADJUSTMENTS = 3  # of a sequence, each of which may call for another one
+
 
 @dataclass(frozen=True)
 class Candidate:
@@ -206,20 +208,29 @@ class PlanningProblem:
 
     @torch.no_grad()
     def _candidate(self, values: Tensor, cost: float) -> Candidate | None:
-        """Predict a sequence (n, 6) with the net itself; None if a step of it grasps no cloth."""
-        states, before, used = self._foreseen(values)
+        """Adjust a sequence (n, 6) and predict it with the net itself.
+
+        None if a step of it grasps no cloth, or leaves the reach in which it must be kept.
+        """
+        first = values
+        for _ in range(_ADJUSTMENTS):
+            # A step that is adjusted may change which hands grasp in those that follow.
+            states, before, used = self._foreseen(values)
+            adjusted = self._adjusted(values, used, silhouettes(before))
+            if torch.equal(adjusted, values):
+                break
+            values = adjusted
+        else:
+            states, _, used = self._foreseen(values)
         if not used.any(1).all():
             return None
-        adjusted = self._adjusted(values, used, silhouettes(before))
-        if not torch.equal(adjusted, values):
-            values = adjusted
-            states, _, used = self._foreseen(values)
-            if not used.any(1).all():
-                return None
+        if values is not first:
             cost = float(self._cost.total(states[None], values[None]))
         excess = 0.0
         if self._cost.reach is not None:
             excess = float(self._cost.reach(values, used).sum())
+            if self._config.keep_in_reach and excess > 0.0:
+                return None
         return Candidate(values, used, states, cost, excess * self._field_of_view.half_extent)
 
     def _foreseen(self, values: Tensor) -> tuple[Tensor, Tensor, Tensor]:
