@@ -3,6 +3,7 @@
 import math
 import shutil
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ from safetensors.torch import load_file, save_file
 from emd_cell.launcher import Launcher, NodeSpec
 from emd_cloth_sim.config import ClothConfig
 from emd_cloth_sim.neat_folds import neat_fold
-from emd_core.errors import ErrorCode
+from emd_core.errors import DeadlineError, ErrorCode
 from emd_core.frames import FieldOfView
 from emd_core.ros import conversions
 from emd_msgs_py.srv import PlanFold
@@ -43,9 +44,16 @@ def planner(ros_domain, tmp_path_factory) -> Iterator[Launcher]:
 
 
 def ask(client, service_type, name: str, request):
-    """Call a service of the planner and give its response."""
+    """Call a service of the planner and give its response.
+
+    The middleware may lose the answer to a call that is made as soon as the service is there: the
+    server need not have found the client yet. So a call without answer is made again.
+    """
     service = client.create_client(service_type, f"{NAMESPACE}/planner/{name}")
     assert service.wait_for_service(timeout_sec=60.0)
+    for _ in range(2):
+        with suppress(DeadlineError):
+            return client._wait(service.call_async(request), 30.0, name)
     return client._wait(service.call_async(request), 60.0, name)
 
 
