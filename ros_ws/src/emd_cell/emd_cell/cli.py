@@ -164,7 +164,7 @@ def evaluate_cloth(
 class _ManyValues(TyperCommand):
     """Options that may be given many values after one name: `--steps 1 2 3`."""
 
-    many = ("--data", "--steps", "--planners")
+    many = ("--data", "--steps", "--planners", "--executed", "--judged")
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Repeat the option's name before each further value, as Click wants it."""
