@@ -7,6 +7,7 @@ import pytest
 
 from emd_core.errors import InvalidInputError, ModelError
 from emd_planner.trust import PlanFigures, TrustModel, fit_trust, load_trust, trust_file
+from emd_planner.weights import SHIPPED_WEIGHTS
 
 
 def _executed(count: int, seed: int) -> tuple[list[PlanFigures], list[bool], np.ndarray]:
@@ -58,3 +59,11 @@ def test_errors_of_zero_have_a_probability_too() -> None:
     """A goal that is reached already, reproduced without error."""
     model = TrustModel((0.0, 1.0, 1.0, 0.1, 0.1), 1, 0)
     assert 0.0 <= model.failure_probability(PlanFigures(0.0, 0.0, 0.0, 1)) <= 1.0
+
+
+def test_the_shipped_weights_have_a_trust_model() -> None:
+    """A plan that is expected to lead nowhere is doubted more than one to the goal."""
+    model = load_trust(SHIPPED_WEIGHTS)
+    assert model is not None and model.plans > model.failed > 0
+    good, bad = (PlanFigures(error, 0.1, 0.001, 1) for error in (0.01, 0.09))
+    assert model.failure_probability(good) < 0.2 < 0.5 < model.failure_probability(bad)
