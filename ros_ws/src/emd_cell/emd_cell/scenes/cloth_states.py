@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +11,13 @@ from numpy.typing import NDArray
 
 from emd_cloth_sim.cloth import Cloth
 from emd_cloth_sim.config import ClothConfig
+from emd_cloth_sim.independent_hands import IndependentManipulation
 from emd_cloth_sim.manipulate import manipulate
 from emd_cloth_sim.neat_folds import neat_fold
 from emd_cloth_sim.random_manipulation import ManipulationRule
 from emd_core.errors import SimulationError
 from emd_core.frames import FieldOfView, FloatArray
+from emd_core.manipulation import Manipulation
 
 SHAPES = ("flat", "half", "quarter", "diagonal", "thirds", "crumpled")
 _SHARES = (0.15, 0.2, 0.2, 0.1, 0.05, 0.3)
@@ -89,7 +92,10 @@ def draw_state(rng: np.random.Generator, config: ClothConfig) -> ClothState:
     return ClothState(shape, config, positions, cloth.triangles)
 
 
-def _to_make(shape: str, cloth: Cloth, rng: np.random.Generator):  # type: ignore[no-untyped-def]
+def _to_make(
+    shape: str, cloth: Cloth, rng: np.random.Generator
+) -> Iterator[Manipulation | IndependentManipulation]:
+    """Give what hands do to a flat cloth; a random one is drawn when it is its turn."""
     if shape == "flat":
         return
     if shape != "crumpled":
