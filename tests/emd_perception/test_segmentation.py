@@ -143,3 +143,16 @@ def test_a_cloth_cut_off_by_the_view_loses_quality() -> None:
     quality, reason = combine(segment(scene).judgements)
     assert quality < 0.8
     assert "out of view" in reason
+
+
+def test_a_hand_above_the_cloth_is_left_out_and_what_it_cuts_off_is_not() -> None:
+    """An arm across the cloth, with a lower hand in front: both pieces are cloth, they are not."""
+    arm = Layer(rectangle(0.9, 0.06, (0.3, 0.0)), 0.15, GREY, is_cloth=False)
+    hand = Layer(rectangle(0.06, 0.1, (-0.12, 0.05)), 0.06, GREY, is_cloth=False)
+    scene = render([Layer(FLAT, 0.003, BLUE), arm, hand], seed=16)
+    found = segment(scene).mask
+    assert iou(found, scene.mask) > 0.9
+    bare = render([arm, hand], seed=16)
+    hidden = np.abs(bare.true_depth - scene.true_depth) < 1e-9
+    raised = hidden & ~scene.mask & (bare.true_depth < render([], seed=16).true_depth - 0.04)
+    assert (found & raised).sum() < 0.1 * raised.sum()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -90,16 +91,6 @@ def perform(
     spacing = max(preset.cloth.spacing)
     plan_ms, failure, executable, figures = 0.0, "", True, None
     left: tuple[Manipulation, ...] = ()
-
-    def try_out(manipulations: Sequence[Manipulation]) -> VoxelGrid:
-        before = cloth.remember()
-        try:
-            for item in manipulations:
-                manipulate(cloth, unwrapped(item, cloth, task), preset.path)
-            return task.grid(cloth.positions_in_table)
-        finally:
-            cloth.go_back(before)
-
     reach = reach or ReachConfig()
     regions = [np.array(reach.left), np.array(reach.right)]
     for step in range(task.steps):
@@ -111,7 +102,7 @@ def perform(
                 task.recorded[step:],
                 spacing,
                 rng,
-                try_out,
+                partial(_tried_out, task, cloth, preset),
             )
             proposal = rival.propose(problem)
             left = proposal.manipulations
@@ -147,6 +138,19 @@ def perform(
         figures=figures,
     )
     return record, outcome
+
+
+def _tried_out(
+    task: Task, cloth: Cloth, preset: ClothPreset, manipulations: Sequence[Manipulation]
+) -> VoxelGrid:
+    """Give the grid to which manipulations lead, and leave the cloth as it was."""
+    before = cloth.remember()
+    try:
+        for manipulation in manipulations:
+            manipulate(cloth, unwrapped(manipulation, cloth, task), preset.path)
+        return task.grid(cloth.positions_in_table)
+    finally:
+        cloth.go_back(before)
 
 
 def unwrapped(manipulation: Manipulation, cloth: Cloth, task: Task) -> Manipulation:

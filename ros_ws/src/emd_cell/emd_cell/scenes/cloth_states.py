@@ -76,6 +76,9 @@ def draw_state(rng: np.random.Generator, config: ClothConfig) -> ClothState:
     """Draw a shape, let it lie turned and shifted anywhere near the middle of the table.
 
     Folds are made by simulated hands, so their layers are not ideal.
+
+    Raises:
+        SimulationError: If a fold fails.
     """
     shape = str(rng.choice(SHAPES, p=_SHARES))
     while True:
@@ -87,7 +90,9 @@ def draw_state(rng: np.random.Generator, config: ClothConfig) -> ClothState:
                     raise SimulationError(failure)
             break
         except SimulationError:
-            continue  # crumpling may end in what the simulation itself does not believe
+            # Crumpling may end in what the simulation itself does not believe: draw again.
+            if shape != "crumpled":
+                raise
     positions = _laid(cloth.positions_in_table, rng)
     return ClothState(shape, config, positions, cloth.triangles)
 
