@@ -156,3 +156,13 @@ def test_a_hand_above_the_cloth_is_left_out_and_what_it_cuts_off_is_not() -> Non
     hidden = np.abs(bare.true_depth - scene.true_depth) < 1e-9
     raised = hidden & ~scene.mask & (bare.true_depth < render([], seed=16).true_depth - 0.04)
     assert (found & raised).sum() < 0.1 * raised.sum()
+
+
+def test_a_low_gripper_of_the_cloths_colour_is_taken_out() -> None:
+    """A cut by colour joins it with the cloth; its height and the arm above it tell it apart."""
+    dark = (30, 40, 34)
+    arm = Layer(rectangle(0.5, 0.08, (0.2, 0.05)), 0.15, GREY, is_cloth=False)
+    gripper = Layer(rectangle(0.1, 0.1, (-0.1, 0.05)), 0.05, dark, is_cloth=False)
+    scene = render([Layer(FLAT, 0.003, dark), arm, gripper], seed=15)
+    found = segment(scene).mask
+    assert (found & ~scene.mask).sum() < 300 and iou(found, scene.mask) > 0.97
