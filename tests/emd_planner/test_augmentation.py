@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 import torch
@@ -12,15 +14,15 @@ from emd_planner.augmentation import (
     augment,
     delay,
     failing_steps,
-    fill_unused,
-    outside_cloth,
-    random_points_outside,
     transform,
 )
 from emd_planner.config import AugmentationConfig
 from emd_planner.dataset import Windows
 from emd_planner.rasterise import rasterise
-from emd_planner.silhouette import columns_of, dilate, silhouettes
+from emd_planner.silhouette import columns_of, dilate, outside_cloth, silhouettes
+from emd_planner.unused_hands import fill_unused, miss_narrowly, random_points_outside
+
+QUARTER_TURNS = AugmentationConfig(free_share=0.0, near_miss_share=0.0)
 
 
 @pytest.fixture
@@ -132,10 +134,9 @@ def test_augmented_windows_are_complete_and_vary(example):
     _, grids, manipulations = example
     batch = 400
     grids, manipulations = grids.repeat(batch, 1, 1, 1, 1), manipulations.repeat(batch, 1, 1)
-    config = AugmentationConfig(0.0, failure_probability=0.25, translation_voxels=4)
-    states, steps = augment(
-        Windows(grids, manipulations), config, torch.Generator().manual_seed(1)
-    )
+    config = dataclasses.replace(QUARTER_TURNS, failure_probability=0.25, translation_voxels=4)
+    examples = augment(Windows(grids, manipulations), config, torch.Generator().manual_seed(1))
+    states, steps = examples.grids, examples.manipulations
     assert states.dtype == torch.bool
     assert steps.isfinite().all()
     assert steps[..., :4].abs().max() <= 1.0
@@ -153,10 +154,9 @@ def test_windows_past_the_end_of_a_sequence_get_an_idle_step_anywhere(example):
     grids = torch.cat([grids, grids[:, 1:]], dim=1).repeat(200, 1, 1, 1, 1)
     idle = torch.full_like(manipulations, torch.nan)
     manipulations = torch.cat([manipulations, idle], dim=1).repeat(200, 1, 1)
-    config = AugmentationConfig(0.0, failure_probability=0.0)
-    states, steps = augment(
-        Windows(grids, manipulations), config, torch.Generator().manual_seed(1)
-    )
+    config = dataclasses.replace(QUARTER_TURNS, failure_probability=0.0)
+    examples = augment(Windows(grids, manipulations), config, torch.Generator().manual_seed(1))
+    states, steps = examples.grids, examples.manipulations
     first = (states[:, 0] == states[:, 1]).flatten(1).all(1)
     second = (states[:, 1] == states[:, 2]).flatten(1).all(1)
     assert (first ^ second).all()
@@ -169,13 +169,13 @@ def test_windows_past_the_end_of_a_sequence_get_an_idle_step_anywhere(example):
 def test_augmentation_depends_on_the_seed_alone(example):
     """The same generator state gives the same windows."""
     _, grids, manipulations = example
-    config = AugmentationConfig(0.0, translation_voxels=3)
+    config = dataclasses.replace(QUARTER_TURNS, translation_voxels=3)
     one, same = (
         augment(Windows(grids, manipulations), config, torch.Generator().manual_seed(7))
         for _ in range(2)
     )
-    assert torch.equal(one[0], same[0])
-    assert torch.equal(one[1], same[1])
+    assert torch.equal(one.grids, same.grids)
+    assert torch.equal(one.manipulations, same.manipulations)
 
 
 def test_cloth_turned_freely_is_still_held_and_carried(example):
@@ -185,7 +185,8 @@ def test_cloth_turned_freely_is_still_held_and_carried(example):
     points = torch.from_numpy(np.stack(states)).float()[None].repeat(batch, 1, 1, 1)
     windows = Windows(grids.repeat(batch, 1, 1, 1, 1), manipulations.repeat(batch, 1, 1), points)
     config = AugmentationConfig(free_share=1.0, failure_probability=0.0)
-    turned, changed = augment(windows, config, torch.Generator().manual_seed(2))
+    examples = augment(windows, config, torch.Generator().manual_seed(2))
+    turned, changed = examples.grids, examples.manipulations
     lengths = changed[:, 0, 4:].norm(dim=1)
     torch.testing.assert_close(lengths, manipulations[0, 0, 4:].norm().expand(batch))
     angles = torch.atan2(changed[:, 0, 5], changed[:, 0, 4])
@@ -198,11 +199,51 @@ def test_cloth_turned_freely_is_still_held_and_carried(example):
         assert not outside_cloth(released, silhouettes(turned[:, 1])).any()
 
 
-def test_free_turns_need_points(example):
+@pytest.mark.parametrize("wanted", ["free_share", "near_miss_share"])
+def test_free_turns_and_near_misses_need_points(example, wanted):
     """Data without vertices cannot be turned freely, and the error says what to do."""
     _, grids, manipulations = example
-    with pytest.raises(InvalidInputError, match="free_share"):
-        augment(Windows(grids, manipulations), AugmentationConfig(1.0), torch.Generator())
+    config = dataclasses.replace(QUARTER_TURNS, **{wanted: 1.0})
+    with pytest.raises(InvalidInputError, match="set free_share and near_miss_share to 0"):
+        augment(Windows(grids, manipulations), config, torch.Generator())
+
+
+def test_near_misses_lie_at_the_edge_and_touch_no_point_of_the_cloth(example):
+    """Unused points land at the silhouette's edge, beyond the reach of a closing hand."""
+    states, grids, manipulations = example
+    batch = 300
+    points = torch.from_numpy(np.stack(states)).float()[None].repeat(batch, 1, 1, 1)
+    grids, manipulations = grids.repeat(batch, 1, 1, 1, 1), manipulations.repeat(batch, 1, 1)
+    manipulations[:, 0, 2:4] = torch.nan
+    config = AugmentationConfig(near_miss_share=1.0, near_miss_clearance=0.04)
+    filled = miss_narrowly(grids, points, manipulations, config, torch.Generator().manual_seed(0))
+    assert torch.equal(filled[..., [0, 1, 4, 5]], manipulations[..., [0, 1, 4, 5]])
+    places = filled[:, 0, 2:4]
+    missed = places[~places.isnan().any(1)]
+    assert len(missed) > batch / 2
+    distances = torch.cdist(missed, points[0, 0, :, :2]).amin(1)
+    assert distances.min() > 0.04
+    silhouette = silhouettes(grids[: len(missed), 0])
+    assert not outside_cloth(missed, dilate(silhouette, 1)).any()
+    on_it = ~outside_cloth(missed, silhouette)
+    assert on_it.any()
+    assert not on_it.all()
+
+
+def test_examples_tell_which_hands_grasped(example):
+    """However hands are swapped, a hand counts as used exactly if its point is the cloth's."""
+    states, grids, manipulations = example
+    batch = 200
+    points = torch.from_numpy(np.stack(states)).float()[None].repeat(batch, 1, 1, 1)
+    manipulations = manipulations.repeat(batch, 1, 1)
+    manipulations[::2, 0, 2:4] = torch.nan
+    config = dataclasses.replace(QUARTER_TURNS, near_miss_share=1.0, failure_probability=0.2)
+    windows = Windows(grids.repeat(batch, 1, 1, 1, 1), manipulations, points)
+    examples = augment(windows, config, torch.Generator().manual_seed(3))
+    moved = (examples.grids[:, 0] != examples.grids[:, 1]).flatten(1).any(1)
+    assert torch.equal(examples.used[:, 0].any(1), moved)
+    assert torch.equal(examples.used[::2, 0].sum(1), moved[::2].long())
+    assert torch.equal(examples.used[1::2, 0].sum(1), 2 * moved[1::2].long())
 
 
 def test_rasterised_batches_equal_voxelised_clouds(example, grid_of):

@@ -63,7 +63,8 @@ def test_two_processes_train_one_net(shard_directory: Path, tmp_path: Path) -> N
     for name in ("one", "two"):
         out = tmp_path / name
         options = ["--data", str(shard_directory), "--out", str(out), "--iterations", "4"]
-        options += ["--batch-size", "4", "--free-share", "0", "--device", "cpu", "--threads", "1"]
+        options += ["--batch-size", "4", "--device", "cpu", "--threads", "1"]
+        options += ["--free-share", "0", "--near-miss-share", "0"]
         done = _torchrun(script, *options)
         assert done.returncode == 0, done.stderr
         weights.append(load_net(out / "emd_net.safetensors").state_dict())
@@ -80,14 +81,14 @@ def test_two_processes_train_one_net(shard_directory: Path, tmp_path: Path) -> N
 def test_processes_draw_batches_of_their_own(shard_directory: Path, tmp_path: Path) -> None:
     """By rank and iteration, and again the same."""
     data, net = load_sequences([shard_directory]), SpatialNetConfig((32, 32, 16), (4, 4, 4), 2, 1)
-    turns = AugmentationConfig(free_share=0.0)
+    turns = AugmentationConfig(free_share=0.0, near_miss_share=0.0)
     config = TrainingConfig(batch_size=4, bfloat16=False, augmentation=turns)
     batches = []
     for rank, iteration in ((0, 0), (0, 0), (1, 0), (0, 1)):
         run = Run(tmp_path / str(len(batches)), iterations=9, group=ProcessGroup(rank))
         trainer = Trainer(data, net, config, run)
         trainer.iteration = iteration
-        batches.append(trainer._batch()[1])
+        batches.append(trainer._batch().manipulations)
     torch.testing.assert_close(batches[0], batches[1])
     assert not torch.equal(batches[0], batches[2]) and not torch.equal(batches[0], batches[3])
 

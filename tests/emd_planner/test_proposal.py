@@ -101,10 +101,11 @@ def test_nets_learn_guesses_for_every_pair_of_states():
     grids = torch.ones(2, 3, 32, 32, 16, dtype=torch.bool)
     manipulations = torch.rand(2, 2, 6)
     codes = net.encode(grids.flatten(0, 1)).unflatten(0, (2, 3)).detach()
-    loss = proposal_loss(net, grids, codes, manipulations)
+    used = torch.ones(2, 2, 2, dtype=torch.bool)
+    loss = proposal_loss(net, codes, manipulations, used)
     loss.backward()
     assert loss > 0.0
     for name, parameter in net.named_parameters():
         assert (parameter.grad is not None) == name.startswith("proposal."), name
     silent = SpatialEmdNet(SpatialNetConfig(proposals=0))
-    assert proposal_loss(silent, grids, torch.zeros(2, 3, 48, 16, 16), manipulations) == 0.0
+    assert proposal_loss(silent, torch.zeros(2, 3, 48, 16, 16), manipulations, used) == 0.0

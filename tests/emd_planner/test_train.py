@@ -10,6 +10,7 @@ import torch
 
 from emd_core.errors import InvalidInputError
 from emd_planner.architectures import ARCHITECTURES
+from emd_planner.augmentation import Examples
 from emd_planner.config import (
     RECIPES,
     AugmentationConfig,
@@ -25,7 +26,7 @@ from emd_planner.trainer import Run
 from emd_planner.validation import Validator, mean_grid
 from emd_planner.weights import load_net, read_provenance
 
-QUARTER_TURNS = AugmentationConfig(free_share=0.0)
+QUARTER_TURNS = AugmentationConfig(free_share=0.0, near_miss_share=0.0)
 SHORT = TrainingConfig(
     batch_size=4, validation_share=0.2, bfloat16=False, augmentation=QUARTER_TURNS
 )
@@ -35,6 +36,12 @@ SHORT = TrainingConfig(
 def data(shard_directory):
     """Twelve made-up sequences."""
     return load_sequences([shard_directory])
+
+
+def examples_of(grids, manipulations):
+    """Examples in which both hands always grasp."""
+    used = torch.ones(*manipulations.shape[:2], 2, dtype=torch.bool)
+    return Examples(grids, manipulations, used)
 
 
 def test_a_net_overfits_four_examples(data):
@@ -55,7 +62,7 @@ def test_a_net_overfits_four_examples(data):
     manipulations = windows.manipulations.nan_to_num(0.9)
     history = []
     while len(history) < 400 and (not history or history[-1] > 0.1 * history[0]):
-        losses = Losses(net, grids, manipulations)
+        losses = Losses(net, examples_of(grids, manipulations))
         history.append(losses.state.item())
         recipe.step(losses, 0.1)
     assert history[-1] <= 0.1 * history[0]
@@ -66,7 +73,7 @@ def test_cross_entropy_and_squared_error_are_of_the_same_predictions(data, small
     net = EmdNet(small_config)
     windows = data.windows(data.window_starts(2)[:3], 2)
     manipulations = windows.manipulations.nan_to_num(0.9)
-    losses = Losses(net, windows.grids, manipulations, reconstruct=True)
+    losses = Losses(net, examples_of(windows.grids, manipulations), reconstruct=True)
     predicted = net.predict_all(windows.grids[:, 0], manipulations)
     actual = windows.grids[:, 1:].float()
     torch.testing.assert_close(losses.state, (predicted - actual).square().mean())
@@ -87,10 +94,11 @@ def test_the_papers_recipe_lowers_both_losses(data, small_config):
     recipe = make_recipe(net, config)
     windows = data.windows(data.window_starts(1)[:8], 1)
     manipulations = windows.manipulations.nan_to_num(0.9)
-    first = Losses(net, windows.grids, manipulations)
+    examples = examples_of(windows.grids, manipulations)
+    first = Losses(net, examples)
     for _ in range(50):
-        recipe.step(Losses(net, windows.grids, manipulations), 0.5)
-    last = Losses(net, windows.grids, manipulations)
+        recipe.step(Losses(net, examples), 0.5)
+    last = Losses(net, examples)
     assert last.state < 0.7 * first.state
 
 
@@ -198,7 +206,7 @@ def test_command_line_trains_and_reports_errors(shard_directory, tmp_path, monke
     monkeypatch.setitem(ARCHITECTURES, "spatial", lambda: small)
     out = tmp_path / "out"
     options = ["--out", str(out), "--iterations", "2", "--batch-size", "4", "--device", "cpu"]
-    options += ["--free-share", "0"]
+    options += ["--free-share", "0", "--near-miss-share", "0"]
     assert main(["--data", str(shard_directory), *options]) == 0
     assert read_provenance(out / "emd_net.safetensors")["iterations"] == 2
     assert main(["--data", str(tmp_path / "absent"), *options]) == 1

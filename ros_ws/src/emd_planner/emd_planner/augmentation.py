@@ -7,6 +7,8 @@ done on the points of the cloth, which are then rasterised anew.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import torch
 from torch import Tensor
 
@@ -14,7 +16,7 @@ from emd_core.errors import InvalidInputError
 from emd_planner.config import AugmentationConfig
 from emd_planner.dataset import Windows
 from emd_planner.rasterise import rasterise
-from emd_planner.silhouette import columns_of, dilate, silhouettes
+from emd_planner.unused_hands import fill_unused, miss_narrowly
 
 # Quarter turns about z and their products with the mirroring of y.
 SYMMETRIES = torch.tensor(
@@ -31,9 +33,28 @@ SYMMETRIES = torch.tensor(
 )
 
 
+@dataclass(frozen=True)
+class Examples:
+    """What a net is trained on.
+
+    Attributes:
+        grids: Boolean, shape (B, n+1, X, Y, Z).
+        manipulations: Shape (B, n, 6), without NaN.
+        used: Whether each hand grasped cloth, boolean, shape (B, n, 2).
+    """
+
+    grids: Tensor
+    manipulations: Tensor
+    used: Tensor
+
+    def to(self, device: torch.device) -> Examples:
+        """Move them to another device."""
+        return Examples(self.grids.to(device), self.manipulations.to(device), self.used.to(device))
+
+
 def augment(
     windows: Windows, config: AugmentationConfig, generator: torch.Generator, height: float = 0.25
-) -> tuple[Tensor, Tensor]:
+) -> Examples:
     """Apply all configured changes and fill the unused points.
 
     Args:
@@ -42,13 +63,15 @@ def augment(
         generator: On the CPU.
         height: Of the field of view, normalised.
 
-    Returns:
-        Grids, boolean, shape (B, n+1, X, Y, Z), and manipulations (B, n, 6) without NaN.
-
     Raises:
-        InvalidInputError: If free turns are configured and the points are not known.
+        InvalidInputError: If free turns or near misses are configured and the points are unknown.
     """
     grids, points = windows.grids, windows.points
+    if points is None and max(config.free_share, config.near_miss_share) > 0.0:
+        raise InvalidInputError(
+            "turning the cloth freely and near misses need data with `states`; give data with "
+            "vertices, or set free_share and near_miss_share to 0"
+        )
     delays = [spread_idle_steps(windows.manipulations, generator)]
     delays.append(failing_steps(windows.manipulations, config.failure_probability, generator))
     states, manipulations = (
@@ -59,18 +82,16 @@ def augment(
         states, manipulations = delay(states, manipulations, position)
     rows = torch.arange(len(grids))[:, None]
     grids = grids[rows, states]
+    used = ~manipulations[..., [0, 2]].isnan()
+    if points is not None:
+        points = points[rows, states]
+        manipulations = miss_narrowly(grids, points, manipulations, config, generator)
     symmetries, shifts = _random_motions(len(grids), grids.shape[2], config, generator)
     grids, changed = transform(grids, manipulations, symmetries, shifts)
     free = torch.rand(len(grids), generator=generator) < config.free_share
-    if free.any():
-        if points is None:
-            raise InvalidInputError(
-                "turning the cloth freely needs data with `states`; give data with vertices, or "
-                "set free_share to 0"
-            )
-        chosen = points[rows, states][free]
+    if points is not None and free.any():
         changed[free], grids[free] = _turn_freely(
-            manipulations[free], chosen, grids.shape[2:], height, config, generator
+            manipulations[free], points[free], grids.shape[2:], height, config, generator
         )
     manipulations = fill_unused(grids[:, :-1], changed, generator, config.outside_margin_voxels)
     if config.swap_grasps:
@@ -78,7 +99,8 @@ def augment(
         manipulations = torch.where(
             swap[..., None], manipulations[..., [2, 3, 0, 1, 4, 5]], manipulations
         )
-    return grids, manipulations
+        used = torch.where(swap[..., None], used.flip(-1), used)
+    return Examples(grids, manipulations, used)
 
 
 def transform(
@@ -138,62 +160,6 @@ def spread_idle_steps(manipulations: Tensor, generator: torch.Generator) -> Tens
 def is_idle(manipulations: Tensor) -> Tensor:
     """Whether manipulations (..., 6) are fillers at which nothing was done (all NaN)."""
     return manipulations.isnan().all(-1)
-
-
-def fill_unused(
-    grids: Tensor, manipulations: Tensor, generator: torch.Generator, margin_voxels: int = 1
-) -> Tensor:
-    """Put unused points (NaN) at random places outside the cloth (III-A, III-B).
-
-    A NaN displacement (nothing was done) becomes a random one in [-1, 1].
-
-    Args:
-        grids: States before the manipulations, shape (B, n, X, Y, Z).
-        manipulations: Shape (B, n, 6).
-        generator: On the CPU.
-        margin_voxels: Distance kept from the silhouette, which wraps, where there is room.
-
-    Returns:
-        Manipulations without NaN.
-    """
-    points = manipulations[..., :4].unflatten(-1, (2, 2))
-    outside = random_points_outside(silhouettes(grids), generator, margin_voxels)
-    points = torch.where(points.isnan(), outside, points)
-    moves = manipulations[..., 4:]
-    random = 2.0 * torch.rand(moves.shape, generator=generator) - 1.0
-    moves = torch.where(moves.isnan(), random, moves)
-    return torch.cat([points.flatten(-2), moves], dim=-1)
-
-
-def random_points_outside(
-    silhouette: Tensor, generator: torch.Generator, margin_voxels: int = 1
-) -> Tensor:
-    """Draw two points outside each silhouette, uniformly over the columns without cloth.
-
-    Args:
-        silhouette: Boolean, shape (..., X, Y).
-        generator: On the CPU.
-        margin_voxels: See `fill_unused`. A silhouette that leaves no room at that distance gets
-            points that are merely outside.
-
-    Returns:
-        Shape (..., 2, 2), normalised.
-    """
-    shape = torch.tensor(silhouette.shape[-2:])
-    near = dilate(silhouette, margin_voxels)
-    score = 2.0 * ~silhouette + 1.0 * ~near
-    score = score[..., None, :, :].expand(*silhouette.shape[:-2], 2, *silhouette.shape[-2:])
-    best = (score + 0.9 * torch.rand(score.shape, generator=generator)).flatten(-2).argmax(-1)
-    column = torch.stack([best // shape[1], best % shape[1]], dim=-1)
-    inside = torch.rand(column.shape, generator=generator)
-    return (column + inside) / shape * 2.0 - 1.0
-
-
-def outside_cloth(points: Tensor, silhouette: Tensor) -> Tensor:
-    """Whether points (..., 2) lie outside the cloth of silhouettes (..., X, Y), wrapped."""
-    columns = columns_of(points, silhouette.shape[-1])
-    flat = columns[..., 0] * silhouette.shape[-1] + columns[..., 1]
-    return ~silhouette.flatten(-2).gather(-1, flat[..., None]).squeeze(-1)
 
 
 def delay(states: Tensor, manipulations: Tensor, position: Tensor) -> tuple[Tensor, Tensor]:

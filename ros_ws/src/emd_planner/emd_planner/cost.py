@@ -7,10 +7,9 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from emd_planner.augmentation import outside_cloth
 from emd_planner.losses import state_loss
 from emd_planner.reach import ReachLoss
-from emd_planner.silhouette import dilate, silhouettes
+from emd_planner.silhouette import dilate, outside_cloth, silhouettes
 
 # Maps predicted states (A, n, X, Y, Z) and manipulations (A, n, 6) to costs (A,).
 Term = Callable[[Tensor, Tensor], Tensor]

@@ -8,8 +8,8 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from emd_planner.augmentation import Examples
 from emd_planner.config import TrainingConfig
-from emd_planner.cost import grasps_cloth
 from emd_planner.losses import consistency_loss, state_loss
 from emd_planner.manhattan import Manhattan
 from emd_planner.process_group import ProcessGroup
@@ -27,10 +27,9 @@ class Losses:
             for every earlier and later state of a window; 0 for a net without guesses.
     """
 
-    def __init__(
-        self, net: StatePredictor, grids: Tensor, manipulations: Tensor, reconstruct: bool = False
-    ) -> None:
-        """Run the net over windows of grids (B, n+1, X, Y, Z) and manipulations (B, n, 6)."""
+    def __init__(self, net: StatePredictor, examples: Examples, reconstruct: bool = False) -> None:
+        """Run the net over windows on its own device."""
+        grids, manipulations = examples.grids, examples.manipulations
         batch, steps = manipulations.shape[:2]
         codes = net.encode(grids.flatten(0, 1)).unflatten(0, (batch, steps + 1))
         predicted = torch.stack(net.roll_out(codes[:, 0], manipulations), dim=1)
@@ -41,7 +40,7 @@ class Losses:
         self.consistency = consistency_loss(
             predicted.flatten(0, 1), codes[:, 1:].flatten(0, 1)
         ).mean()
-        self.proposal = proposal_loss(net, grids, codes.detach(), manipulations)
+        self.proposal = proposal_loss(net, codes.detach(), manipulations, examples.used)
         self.reconstruction = self.state.new_zeros(())
         if reconstruct:
             self.reconstruction = state_loss(net.decode(codes[:, 0]), actual[:, 0]).mean()
@@ -53,15 +52,15 @@ class Losses:
 
 
 def proposal_loss(
-    net: StatePredictor, grids: Tensor, codes: Tensor, manipulations: Tensor
+    net: StatePredictor, codes: Tensor, manipulations: Tensor, used: Tensor
 ) -> Tensor:
     """Mean negative log-likelihood of manipulations under the net's guesses, a scalar.
 
     Args:
         net: Makes the guesses, or none; then the loss is 0.
-        grids: Windows of states, boolean, shape (B, n+1, X, Y, Z).
-        codes: Of these states, shape (B, n+1, ...).
+        codes: Of windows of states, shape (B, n+1, ...).
         manipulations: Shape (B, n, 6).
+        used: Whether each hand grasped cloth, boolean, shape (B, n, 2).
     """
     pairs = torch.combinations(torch.arange(codes.shape[1], device=codes.device))
     start, end = pairs[:, 0], pairs[:, 1]
@@ -71,7 +70,7 @@ def proposal_loss(
     )
     if guesses is None:
         return codes.new_zeros(())
-    used = grasps_cloth(manipulations, grids[:, :-1], 0)[:, start].flatten(0, 1)
+    used = used[:, start].flatten(0, 1)
     likelihood = guesses.log_likelihood(manipulations[:, start].flatten(0, 1), used)
     return -likelihood.sum() / used.any(1).sum().clamp_min(1)
 

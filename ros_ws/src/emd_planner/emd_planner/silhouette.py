@@ -67,3 +67,10 @@ def _inwards(points: Tensor, columns: Tensor, silhouette: Tensor) -> Tensor:
 def columns_of(points: Tensor, count: int) -> Tensor:
     """Give the wrapped column indices, shape (..., 2), of normalised points (..., 2)."""
     return ((points + 1.0) * (count / 2.0)).floor().long() % count
+
+
+def outside_cloth(points: Tensor, silhouette: Tensor) -> Tensor:
+    """Whether points (..., 2) lie outside the cloth of silhouettes (..., X, Y), wrapped."""
+    columns = columns_of(points, silhouette.shape[-1])
+    flat = columns[..., 0] * silhouette.shape[-1] + columns[..., 1]
+    return ~silhouette.flatten(-2).gather(-1, flat[..., None]).squeeze(-1)

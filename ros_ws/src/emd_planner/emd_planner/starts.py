@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from emd_planner.augmentation import random_points_outside
 from emd_planner.silhouette import silhouettes
 from emd_planner.state_predictor import StatePredictor
+from emd_planner.unused_hands import random_points_outside
 
 
 def random_values(

@@ -175,7 +175,7 @@ def _training_config(options: argparse.Namespace) -> TrainingConfig:
     }
     augmentation = {
         name: getattr(options, name)
-        for name in ("free_share", "translation_voxels")
+        for name in ("free_share", "near_miss_share", "translation_voxels")
         if getattr(options, name) is not None
     }
     chosen["augmentation"] = dataclasses.replace(config.augmentation, **augmentation)
@@ -198,6 +198,7 @@ def _parse(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--rollout-steps", type=int)
     parser.add_argument("--learning-rate", type=float)
     parser.add_argument("--free-share", type=float, help="turned by any angle; needs vertices")
+    parser.add_argument("--near-miss-share", type=float, help="beside the cloth; needs vertices")
     parser.add_argument("--translation-voxels", type=int)
     return parser.parse_args(arguments)
 

@@ -13,7 +13,7 @@ import torch
 from torch import nn
 
 from emd_planner.architectures import NetConfig, architecture_of, make_net
-from emd_planner.augmentation import augment
+from emd_planner.augmentation import Examples, augment
 from emd_planner.checkpoint import load_checkpoint, save_checkpoint
 from emd_planner.config import TrainingConfig
 from emd_planner.dataset import SequenceSet
@@ -118,12 +118,10 @@ class Trainer:
         begin = time.monotonic()
         progress = self.run.progress(self.iteration, self.seconds)
         progress = self.run.group.of_leader(progress)
-        grids, manipulations = self._batch()
+        examples = self._batch()
 
         def learn() -> None:
-            losses = Losses(
-                self.net, grids, manipulations, self.config.reconstruction_weight > 0.0
-            )
+            losses = Losses(self.net, examples, self.config.reconstruction_weight > 0.0)
             self.recipe.step(losses, progress)
             self.recent.append(losses.state.item())
 
@@ -137,14 +135,13 @@ class Trainer:
         self.speed.note(elapsed)
         self.seconds += elapsed
 
-    def _batch(self) -> tuple[torch.Tensor, torch.Tensor]:
+    def _batch(self) -> Examples:
         """Draw a batch that depends on seed, process and iteration only."""
         words = np.random.SeedSequence([self.run.seed, self.run.group.rank, self.iteration])
         generator = torch.Generator().manual_seed(int(words.generate_state(1, np.uint32)[0]))
         choice = torch.randint(len(self.starts), (self.config.batch_size,), generator=generator)
         windows = self.train_set.windows(self.starts[choice.numpy()], self.config.rollout_steps)
-        grids, manipulations = augment(windows, self.config.augmentation, generator)
-        return grids.to(self.run.group.device), manipulations.to(self.run.group.device)
+        return augment(windows, self.config.augmentation, generator).to(self.run.group.device)
 
     @torch.no_grad()
     def _update_average(self) -> None:

@@ -8,10 +8,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from emd_planner.augmentation import fill_unused
 from emd_planner.dataset import SequenceSet, Windows
 from emd_planner.losses import consistency_loss, state_loss
 from emd_planner.state_predictor import StatePredictor
+from emd_planner.unused_hands import fill_unused
 
 
 @dataclass(frozen=True)
