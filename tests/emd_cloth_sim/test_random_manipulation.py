@@ -5,9 +5,10 @@ import pytest
 
 from emd_cloth_sim.cloth import Cloth
 from emd_cloth_sim.config import ClothConfig
-from emd_cloth_sim.hem import cloth_corners, hem_vertices
+from emd_cloth_sim.hem import cloth_corners, hem_vertices, outline_corners
 from emd_cloth_sim.independent_hands import IndependentManipulation
 from emd_cloth_sim.manipulate import manipulate
+from emd_cloth_sim.neat_folds import neat_fold
 from emd_cloth_sim.random_manipulation import MODES, ManipulationRule
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FieldOfView
@@ -103,6 +104,32 @@ def test_malformed_independent_manipulations_are_refused(
     """Rows that are half NaN, hands without a counterpart and wrong shapes raise."""
     with pytest.raises(InvalidInputError):
         IndependentManipulation(points, ways)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, 1.2, -2.0])
+def test_outline_of_a_turned_rectangle_is_the_rectangle(angle: float) -> None:
+    """Its corners come in order around it, whatever lies inside."""
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    corners = np.array([[-0.2, -0.1], [0.2, -0.1], [0.2, 0.1], [-0.2, 0.1]])
+    inside = np.random.default_rng(0).uniform(corners[0], corners[2], (200, 2))
+    found = outline_corners(np.concatenate([inside, corners]) @ turn.T) @ turn
+    sides = np.linalg.norm(found - np.roll(found, 1, axis=0), axis=1)
+    np.testing.assert_allclose(np.sort(sides), [0.2, 0.2, 0.4, 0.4], atol=1e-9)
+    np.testing.assert_allclose(np.sort(found, axis=0), np.sort(corners, axis=0), atol=1e-9)
+
+
+def test_folds_of_a_folded_cloth_begin_at_its_creases_too() -> None:
+    """Of a cloth folded in half some folds carry the crease's ends along the crease."""
+    cloth, rng = Cloth(CONFIG), np.random.default_rng(0)
+    manipulate(cloth, neat_fold("half", CONFIG).manipulations[0])
+    along_crease = 0
+    for _ in range(100):
+        drawn = ManipulationRule("fold").draw(cloth, FOV, rng)
+        points = drawn.grasp_points_in_table[list(drawn.used)]
+        at_end = (np.abs(points[:, 0]) < 0.05) & (np.abs(points[:, 1]) > 0.15)
+        move = np.abs(drawn.displacement_in_table)
+        along_crease += bool(at_end.any() and all(drawn.used) and move[1] > 2.0 * move[0])
+    assert along_crease >= 5
 
 
 def test_hem_of_a_flat_cloth_is_its_border() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.ndimage import binary_closing, binary_erosion, binary_fill_holes
-from scipy.spatial import cKDTree
+from scipy.spatial import ConvexHull, cKDTree
 
 from emd_cloth_sim.mesh import IndexArray
 from emd_core.frames import FloatArray
@@ -48,3 +48,19 @@ def neighbour_corners(first: int, visible: list[int], vertices: tuple[int, int])
     place = corners.index(first)
     neighbours = (corners[place - 1], corners[(place + 1) % 4])
     return [corner for corner in visible if corner in neighbours]
+
+
+def outline_corners(points: FloatArray) -> FloatArray:
+    """Corners (4, 2), in order, of the smallest rectangle around points (N, 2).
+
+    It shares a direction with a side of the points' convex hull.
+    """
+    hull = points[ConvexHull(points).vertices]
+    sides = np.roll(hull, -1, axis=0) - hull
+    along = sides / np.linalg.norm(sides, axis=1, keepdims=True)
+    frames = np.stack([along, along[:, ::-1] * (-1.0, 1.0)], axis=1)  # (H, 2, 2), rows: axes
+    turned = hull @ frames.transpose(0, 2, 1)
+    low, high = turned.min(axis=1), turned.max(axis=1)
+    best = int(np.prod(high - low, axis=1).argmin())
+    (x0, y0), (x1, y1) = low[best], high[best]
+    return np.array([(x0, y0), (x0, y1), (x1, y1), (x1, y0)]) @ frames[best]

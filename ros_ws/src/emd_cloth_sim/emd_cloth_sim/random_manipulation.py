@@ -8,7 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from emd_cloth_sim.cloth import Cloth
-from emd_cloth_sim.hem import cloth_corners, hem_vertices, neighbour_corners
+from emd_cloth_sim.hem import (
+    cloth_corners,
+    hem_vertices,
+    neighbour_corners,
+    outline_corners,
+)
 from emd_cloth_sim.independent_hands import IndependentManipulation
 from emd_cloth_sim.mesh import IndexArray
 from emd_core.errors import InvalidInputError
@@ -21,6 +26,7 @@ SHORTEST_AT_HEM = 0.1
 SECOND_HAND = 0.5
 CORNER = 0.5
 HEM_SHARE = 0.7
+OUTLINE = 0.5
 FOLD_LENGTHS = (0.2, 1.1)
 FOLD_ANGLE = 0.25
 FOLD_STRAY = 0.3
@@ -35,8 +41,8 @@ class ManipulationRule:
             displacement of uniform angle and of length uniform in 0..1.4 normalised. `paper`: as
             the paper has it (IV-A), the displacement's x and y uniform in -1..1 normalised. `hem`:
             grasps at the silhouette's edge, displacement towards the cloth's inside. `mixed`: 70 %
-            hem, 30 % any. `fold`: corners carried across the cloth. One of two hands is dropped
-            with probability 0.5.
+            hem, 30 % any. `fold`: corners of the cloth or of its outline carried across it. One of
+            two hands is dropped with probability 0.5.
         edge_only: Whether `any` and `paper` too grasp only at the silhouette's edge, as the
             paper's robot does (IV-B); the other modes always do.
         independent_hands: Whether each hand draws a displacement of its own by the same rule.
@@ -116,28 +122,33 @@ def _grasps_to_fold(
 ) -> tuple[str, FloatArray, FloatArray]:
     """Draw a corner or the two at one side, and the ways to the opposite corner or side.
 
-    The corners must lie on the silhouette's edge; each hand strays from its corner by up to 0.3
-    normalised along the edge. Without a visible corner the grasp is drawn as at the hem.
+    Corners are those of the cloth or, as often, of the smallest rectangle around it, which are
+    ends of creases when it is folded. One must lie at the silhouette's edge; each hand strays from
+    its corner by up to 0.3 normalised along the edge. Where no corner does, the grasp is drawn as
+    at the hem.
 
     Returns:
         The mode of the displacement, points and ways.
     """
     positions = cloth.positions_in_table[:, :2]
-    hem = _hem(cloth)
-    corners = cloth_corners(cloth.config.vertices)
-    visible = _visible_corners(cloth, hem)
-    if not visible:
+    edge = positions[_hem(cloth)]
+    corners, tolerance = positions[cloth_corners(cloth.config.vertices)], 1e-9
+    if rng.random() < OUTLINE:
+        corners, tolerance = outline_corners(edge), 2.0 * max(cloth.config.spacing)
+    gaps = np.linalg.norm(edge - corners[:, None], axis=2)
+    free = np.flatnonzero(gaps.min(axis=1) <= tolerance)
+    if not len(free):
         return "hem", *_grasps_at_hem(cloth, rng)
-    grasped = [visible[rng.integers(len(visible))]]
-    near = neighbour_corners(grasped[0], visible, cloth.config.vertices)
+    grasped = [rng.choice(free)]
+    near = [corner for corner in free if (corner - grasped[0]) % 2 == 1]
     if near and rng.random() < SECOND_HAND:
-        grasped.append(near[rng.integers(len(near))])
+        grasped.append(rng.choice(near))
     stray = float(field_of_view.table_from_normalised(FOLD_STRAY))
     points, ways = np.full((2, 2), np.nan), np.full((2, 2), np.nan)
     for hand, corner in enumerate(grasped):
-        gaps = np.linalg.norm(positions[hem] - positions[corner], axis=1)
-        points[hand] = positions[rng.choice(hem[gaps <= rng.uniform(0.0, stray) + 1e-9])]
-        ways[hand] = positions[corners[(corners.index(corner) + 2) % 4]] - positions[corner]
+        reach = max(rng.uniform(0.0, stray), gaps[corner].min() + 1e-9)
+        points[hand] = rng.choice(edge[gaps[corner] <= reach])
+        ways[hand] = corners[(corner + 2) % 4] - corners[corner]
     return "fold", points, ways
 
 
