@@ -233,6 +233,29 @@ def evaluate(
     print(f"written: {json_file}")
 
 
+@app.command(name="evaluate-net", cls=_ManyValues)
+def evaluate_net(
+    data: Annotated[list[Path], typer.Option(help="folders of ours or of the authors' npz; many")],
+    json_file: Annotated[Path, typer.Option("--json", help="the rows")],
+    steps: Annotated[list[int] | None, typer.Option(help="1 2 3; many")] = None,
+    split: Annotated[str, typer.Option(help="all, train or test (a tenth)")] = "all",
+    weights: Annotated[Path | None, typer.Option(help="default: those shipped")] = None,
+) -> None:
+    """Compare what the net foretells with what was recorded; docs/evaluation.md."""
+    from emd_cell.evaluation.prediction import judge_net
+    from emd_cloth_sim.json_file import write_json
+
+    rows = judge_net(data, steps or [1, 2, 3], split, weights)
+    write_json(json_file, {"command": shlex.join(["./cell", *sys.argv[1:]]), "rows": rows})
+    for row in rows:
+        print(
+            f"{row['steps']} step(s), {row['n']} examples: voxel MSE {row['net']:.4f}, "
+            f"{row['relative']:.3f} of do nothing's {row['do_nothing']:.4f} "
+            f"(empty {row['empty']:.4f}, mean grid {row['mean']:.4f})"
+        )
+    print(f"written: {json_file}")
+
+
 @app.command(name="fit-trust", cls=_ManyValues)
 def fit_trust(
     executed: Annotated[
