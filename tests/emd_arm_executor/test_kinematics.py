@@ -6,7 +6,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from emd_arm_executor.kinematics import ArmGroup, ArmKinematics, configuration
+from emd_arm_executor.arm_group import ArmGroup, configuration
+from emd_arm_executor.kinematics import ArmKinematics
 from emd_arm_executor.path_following import follow_poses
 from emd_arm_executor.robot_model import RobotModel
 from emd_core.errors import InvalidInputError, OutOfReachError

@@ -69,3 +69,13 @@ def test_impossible_limits_are_refused() -> None:
     """A limit of zero has no motion, and the message says so."""
     with pytest.raises(InvalidInputError, match="limits"):
         PathProfile.rest_to_rest(1.0, 0.0, 1.0, 1.0)
+
+
+def test_a_slowed_motion_is_the_same_curve_later() -> None:
+    """Twice as long, it passes the same positions at half the speed, an eighth of the jerk."""
+    profile = PathProfile.rest_to_rest(0.4, 0.3, 1.0, 10.0)
+    slowed = profile.slowed(2.0)
+    times = np.linspace(0.0, profile.duration, 50)[1:-1]
+    before, after = profile.sample(times), slowed.sample(2.0 * times)
+    for order, (fast, slow) in enumerate(zip(before, after, strict=True)):
+        assert slow == pytest.approx(fast / 2.0**order, abs=1e-9)

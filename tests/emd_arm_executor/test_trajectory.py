@@ -11,7 +11,7 @@ from emd_arm_executor.joint_trajectory import JointTrajectory
 from emd_arm_executor.motion_limits import MotionLimits
 from emd_arm_executor.motion_plan import MotionPlan, PhaseName
 from emd_arm_executor.robot_model import RobotModel
-from emd_arm_executor.trajectory import TimedPath, stop_path, stop_trajectory, time_path
+from emd_arm_executor.trajectory import TimedPath, stop_path, time_path
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FloatArray, inverse_transform
 
@@ -88,7 +88,7 @@ def test_higher_limits_are_faster() -> None:
 
 def test_whole_plan_keeps_its_limits(half_fold: MotionPlan, robot: RobotModel) -> None:
     """Every segment of a half fold with two hands keeps the limits of all twelve joints."""
-    limits = MotionLimits.of(robot.max_velocity(["left", "right"]))
+    limits = MotionLimits.of(robot.max_velocity(robot.joint_names(["left", "right"])))
     for segment in _segments(half_fold):
         velocity, acceleration, jerk = _excess(segment.sample(0.005), limits)
         assert velocity <= 1.01 and acceleration <= 1.02 and jerk <= 1.06
@@ -145,10 +145,10 @@ def test_stop_comes_to_rest_soon_and_on_the_path(share: float) -> None:
 
 def test_stop_keeps_the_limits_for_stopping(half_fold: MotionPlan, robot: RobotModel) -> None:
     """Stopping a carrying motion anywhere keeps the higher limits meant for it."""
-    limits = MotionLimits.for_stop(robot.max_velocity(["left", "right"]))
+    limits = MotionLimits.for_stop(robot.max_velocity(robot.joint_names(["left", "right"])))
     carry = next(p for p in half_fold.phases if p.name is PhaseName.CARRY).segments[0]
     for time in np.linspace(0.05, carry.duration - 0.05, 15):
-        trajectory = stop_trajectory(carry, time, limits, 0.005)
+        trajectory = stop_path(carry, time, limits).sample(0.005)
         if len(trajectory.times) > 2:
             _, acceleration, jerk = _excess(trajectory, limits)
             assert acceleration <= 1.05 and jerk <= 1.1

@@ -6,7 +6,10 @@ setup(
     name="emd_arm_executor",
     version="0.1.0",
     packages=find_packages(),
-    package_data={"emd_arm_executor": ["py.typed"], "emd_arm_executor.hiro": ["hiro.urdf"]},
+    package_data={
+        "emd_arm_executor": ["py.typed"],
+        "emd_arm_executor.hiro": ["hiro.urdf", "hiro.yaml"],
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/emd_arm_executor"]),
         ("share/emd_arm_executor", ["package.xml"]),

@@ -22,6 +22,11 @@ class KinematicsConfig:
         max_joint_step: Largest change of a joint between two poses of a path, radians.
         grasp_restarts: Restarts of one posture at a hem, of which there are many to try.
         seed: Seed of the pool.
+        limit_clearance: Distance from the nearest joint limit below which a posture is thought
+            worse of, radians.
+        dexterity_clearance: Manipulability below which a posture is thought worse of, metres^3.
+        clearance_weight: What a posture that stands at a limit, or is singular, is worse by, in
+            radians of travel from rest.
     """
 
     position_tolerance: float = 1e-6
@@ -36,6 +41,9 @@ class KinematicsConfig:
     max_iteration_step: float = 0.6
     max_joint_step: float = 0.2
     seed: int = 0
+    limit_clearance: float = 0.10
+    dexterity_clearance: float = 0.006
+    clearance_weight: float = 0.5
 
 
 @dataclass(frozen=True)
@@ -87,6 +95,8 @@ class GraspConfig:
             order, radians.
         tilts: Leanings of the hand, tried in this order, radians; positive: the fingers point
             into the cloth. 0 is vertical.
+        torso_turns: Turns of the torso that are tried, in this order, when nothing can be done
+            with the torso at rest, radians.
         max_pairs: Most pairs of grips that are tried for two hands.
         keep_crease: Whether the displacement is corrected where the hand grips elsewhere than the
             plan said, so that the crease stays where the plan put it.
@@ -104,6 +114,7 @@ class GraspConfig:
     hover_clearance: float = 0.04
     yaw_deviations: tuple[float, ...] = (0.0, 0.35, -0.35)
     tilts: tuple[float, ...] = (0.0, -0.15, 0.15)
+    torso_turns: tuple[float, ...] = (0.25, -0.25, 0.5, -0.5)
     max_pairs: int = 12
     keep_crease: bool = True
     jaw_depth: float = 0.006

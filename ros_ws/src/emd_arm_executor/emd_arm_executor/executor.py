@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-import numpy as np
-
 from emd_arm_executor.config import MotionConfig
 from emd_arm_executor.joint_trajectory import JointTrajectory
 from emd_arm_executor.motion_limits import MotionLimits
@@ -14,7 +12,6 @@ from emd_arm_executor.robot_interface import RobotInterface
 from emd_arm_executor.robot_model import RobotModel
 from emd_arm_executor.trajectory import TimedPath, stop_path
 from emd_core.errors import CancelledError, GraspFailedError, TrackingError
-from emd_core.frames import FloatArray
 
 Feedback = Callable[[PhaseName, float], None]
 ShouldStop = Callable[[], bool]
@@ -120,28 +117,20 @@ class MotionExecutor:
 
     def _send(self, trajectory: JointTrajectory, start: float) -> None:
         """Split a trajectory among the joint groups of its arms."""
-        for arm in self.model.description.arms.values():
-            joints = arm.group.joint_names
+        for group, joints in self.model.description.controllers.items():
             if set(joints) <= set(trajectory.joint_names):
-                self.robot.send_trajectory(arm.controller, trajectory.select(joints), start)
+                self.robot.send_trajectory(group, trajectory.select(joints), start)
 
     def _stop(self, segment: TimedPath, start: float) -> None:
         """Come to rest on the path, as fast as the limits for stopping allow."""
         now = self.robot.now()
         names = segment.path.joint_names
-        limits = MotionLimits.for_stop(self._speeds(names), self.config.timing)
+        limits = MotionLimits.for_stop(self.model.max_velocity(names), self.config.timing)
         ahead = self.config.execution.start_delay
         stop = stop_path(segment, now + ahead - start, limits)
         trajectory = stop.sample(self.config.timing.sample_period)
         self._send(trajectory, now + ahead)
         self.robot.wait_until(now + ahead + trajectory.duration)
-
-    def _speeds(self, names: tuple[str, ...]) -> FloatArray:
-        arms = tuple(self.model.arms)
-        speeds = dict(
-            zip(self.model.joint_names(arms), self.model.max_velocity(arms), strict=True)
-        )
-        return np.array([speeds[name] for name in names])
 
     @staticmethod
     def _deviation(

@@ -105,7 +105,7 @@ class GripSearch:
                 self.rejected.append(type(met)(f"hem {rank + 1}, {self.arm} arm: {met}"))
 
     def _at_posture(self, poses: Sequence[GraspPose], reasons: list[CellError]) -> Iterator[Grip]:
-        """Yield the grips of one posture, the half turn that stays nearest to rest first."""
+        """Yield the grips of one posture, the half turn and branch of the least cost first."""
         kinematics = self._robot.arms[self.arm]
         rest = self._robot.rest_positions([self.arm])
         restarts = self._config.kinematics.grasp_restarts
@@ -119,7 +119,7 @@ class GripSearch:
             if not reasons:
                 reasons.append(kinematics.out_of_reach(target, (rest,)))
             return
-        grips.sort(key=lambda grip: float(np.abs(grip.positions - rest).max()))
+        grips.sort(key=lambda grip: kinematics.posture_cost(grip.positions, rest))
         usable = [grip for grip in grips if self._reaches(self._carry, grip, reasons)]
         for distance in self._config.grasp.pre_grasp_distances:
             for grip in usable:

@@ -6,16 +6,12 @@ whole motion. What cannot be done is refused with the reason for every candidate
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from emd_arm_executor.config import MotionConfig
-from emd_arm_executor.grasp import displacement_keeping_crease
-from emd_arm_executor.grip_assignment import assignments, grip_sets
-from emd_arm_executor.grip_search import GripTask
-from emd_arm_executor.hand_paths import Grip, HandPaths, hand_paths
-from emd_arm_executor.hem import find_hems
 from emd_arm_executor.hem_contour import extract_hems
 from emd_arm_executor.joint_moves import (
     JointMove,
@@ -24,23 +20,22 @@ from emd_arm_executor.joint_moves import (
     raise_hands,
 )
 from emd_arm_executor.joint_path import JointPath
-from emd_arm_executor.motion_limits import MotionLimits
-from emd_arm_executor.motion_plan import GripperCommand, MotionPlan, Phase, PhaseName
+from emd_arm_executor.manipulation_planner import (
+    AT_REST,
+    ManipulationPlanner,
+    jaws,
+    time_joint_path,
+)
+from emd_arm_executor.motion_plan import MotionPlan, Phase, PhaseName
 from emd_arm_executor.robot_model import RobotModel
 from emd_arm_executor.silhouette import Silhouette
-from emd_arm_executor.trajectory import TimedPath, time_path
+from emd_arm_executor.trajectory import TimedPath
 from emd_core.errors import CellError, CollisionError, OutOfReachError
-from emd_core.frames import FloatArray
 from emd_core.manipulation import Manipulation
-
-# A joint nearer to its rest position than this needs no move, radians.
-_AT_REST = 1e-3
-# Reasons that a refusal quotes.
-_QUOTED = 6
 
 
 class MotionPlanner:
-    """Plans manipulations and the way home for one robot."""
+    """Plans manipulations and the way home for one robot; turns its torso where that helps."""
 
     def __init__(self, robot: RobotModel, config: MotionConfig | None = None) -> None:
         """Keep the robot and the configuration, the robot's own if None."""
@@ -56,7 +51,8 @@ class MotionPlanner:
         """Plan approach, grasp, carrying, release, retreat and the way home.
 
         Each used grasp point gets an arm and a hem: the nearest hem, else the second nearest and
-        so on; two hands do not cross. An arm that is not used rests.
+        so on; two hands do not cross. An arm that is not used rests. If nothing can be done with
+        the torso at rest, it turns first, as little as possible, and back at the end.
 
         Args:
             manipulation: Grasp points and displacement in the table frame.
@@ -70,22 +66,19 @@ class MotionPlanner:
             InvalidInputError: If the displacement is too short or a joint is missing.
         """
         contours = extract_hems(silhouette, self.config.hem)
-        used = np.array(manipulation.used)
-        points = manipulation.grasp_points_in_table[used]
-        count = self.config.hem.candidates
-        hems = [find_hems(contours, point, count, self.config.hem) for point in points]
-        rejected: list[CellError] = []
-        task = GripTask(manipulation.displacement_in_table, silhouette, self.config)
-        for searches in assignments(self.robot, points, hems, task):
-            for grips in grip_sets(searches, self.config.grasp.max_pairs):
-                try:
-                    return self._complete(
-                        grips, manipulation, points, silhouette, joint_positions, rejected
-                    )
-                except (OutOfReachError, CollisionError) as err:
-                    rejected.append(_of_arms(err, grips))
-            rejected.extend(reason for search in searches for reason in search.rejected)
-        raise _refusal(rejected)
+        refused: list[CellError] = []
+        for position in self._torso_positions():
+            robot = self.robot.at_torso(position)
+            posture = self._with_torso(joint_positions, position)
+            try:
+                turn = self._turn(joint_positions, position)
+                plan = ManipulationPlanner(robot, self.config).plan(
+                    manipulation, silhouette, contours, posture
+                )
+                return self._turned(plan, turn, posture, refused)
+            except (OutOfReachError, CollisionError) as err:
+                refused.append(err)
+        raise refused[0]
 
     def plan_home(
         self, joint_positions: Mapping[str, float], open_hands: bool = False
@@ -99,166 +92,90 @@ class MotionPlanner:
         Raises:
             CollisionError: If every way touches something.
         """
-        arms = tuple(self.robot.arms)
+        robot = self.robot.at_torso(self._torso_now(joint_positions))
+        arms = tuple(robot.arms)
         phases = []
         if open_hands:
-            jaws = self._jaws(arms, self.config.grasp.open_width)
-            phases.append(Phase(PhaseName.RELEASE, (), jaws, self.config.grasp.open_time))
-        start = self.robot.arm_positions(arms, joint_positions)
-        goal = self.robot.rest_positions(arms)
-        move = JointMove("home", arms, start, goal, joint_positions, {})
-        lift = self._lift(move)
+            opened = jaws(arms, self.config.grasp.open_width)
+            phases.append(Phase(PhaseName.RELEASE, (), opened, self.config.grasp.open_time))
+        start = robot.arm_positions(arms, joint_positions)
+        goal = robot.rest_positions(arms)
+        lift = self._lift(robot, JointMove("home", arms, start, goal, joint_positions, {}))
         if lift is not None:
             start = lift.positions(lift.length)
-            phases.append(
-                Phase(PhaseName.RETREAT, (self._time(lift, self.config.timing.retreat_speed),))
-            )
+            risen = time_joint_path(robot, lift, self.config.timing.retreat_speed)
+            phases.append(Phase(PhaseName.RETREAT, (risen,)))
         move = JointMove("home", arms, start, goal, joint_positions, {})
-        way = plan_joint_move(self.robot, move)
-        phases.append(Phase(PhaseName.HOME, tuple(self._time(path) for path in way)))
+        way = plan_joint_move(robot, move)
+        at_rest = {**joint_positions, **dict(zip(robot.joint_names(arms), goal, strict=True))}
+        segments = [time_joint_path(robot, path) for path in way]
+        segments += self._turn(at_rest, self.robot.torso_position)
+        phases.append(Phase(PhaseName.HOME, tuple(segments)))
         return MotionPlan(tuple(phases))
 
-    def _lift(self, move: JointMove) -> JointPath | None:
+    def _torso_positions(self) -> Iterator[float]:
+        """Yield where the torso may stand, at rest first."""
+        yield self.robot.torso_position
+        if self.robot.description.torso is not None:
+            yield from (self.robot.torso_position + turn for turn in self.config.grasp.torso_turns)
+
+    def _torso_now(self, joint_positions: Mapping[str, float]) -> float:
+        """Give the torso's measured position; that of rest if it is as good as there."""
+        torso, rest = self.robot.description.torso, self.robot.torso_position
+        now = rest if torso is None else joint_positions.get(torso.joint_name, rest)
+        return rest if abs(now - rest) < AT_REST else float(now)
+
+    def _with_torso(
+        self, joint_positions: Mapping[str, float], position: float
+    ) -> dict[str, float]:
+        torso = self.robot.description.torso
+        return {**joint_positions, **({torso.joint_name: position} if torso else {})}
+
+    def _turn(self, joint_positions: Mapping[str, float], position: float) -> list[TimedPath]:
+        """Turn the torso from where it is to a position, the arms as they are.
+
+        Raises:
+            CollisionError: If something touches on the way.
+        """
+        torso, now = self.robot.description.torso, self._torso_now(joint_positions)
+        if torso is None or abs(now - position) < AT_REST:
+            return []
+        path = JointPath.straight((torso.joint_name,), np.array([now]), np.array([position]))
+        nothing = np.zeros(0)
+        move = JointMove("turn", (), nothing, nothing, joint_positions, {})
+        check_joint_path(self.robot, path, move)
+        return [time_joint_path(self.robot, path)]
+
+    def _turned(
+        self,
+        plan: MotionPlan,
+        turn: list[TimedPath],
+        posture: Mapping[str, float],
+        refused: list[CellError],
+    ) -> MotionPlan:
+        """Put the torso's turn before a plan and its way back behind it."""
+        arms = tuple(self.robot.arms)
+        rest = zip(self.robot.joint_names(arms), self.robot.rest_positions(arms), strict=True)
+        back = self._turn({**posture, **dict(rest)}, self.robot.torso_position)
+        if not turn and not back:
+            return plan
+        first, *between, last = plan.phases
+        phases = (
+            replace(first, segments=(*turn, *first.segments)),
+            *between,
+            replace(last, segments=(*last.segments, *back)),
+        )
+        reasons = (*(str(reason) for reason in refused), *plan.rejected)
+        return replace(plan, phases=phases, rejected=reasons)
+
+    def _lift(self, robot: RobotModel, move: JointMove) -> JointPath | None:
         """Raise the hands that are low, if that is within reach and free."""
         height = self.config.path.retreat_height
-        lift = raise_hands(self.robot, move.arms, move.start, height)
+        lift = raise_hands(robot, move.arms, move.start, height)
         if lift is None:
             return None
         try:
-            check_joint_path(self.robot, lift, move)
+            check_joint_path(robot, lift, move)
         except CollisionError:
             return None
         return lift
-
-    def _complete(
-        self,
-        grips: Sequence[Grip],
-        manipulation: Manipulation,
-        points: FloatArray,
-        silhouette: Silhouette,
-        joint_positions: Mapping[str, float],
-        rejected: Sequence[CellError],
-    ) -> MotionPlan:
-        """Check the whole motion with these grips and time it."""
-        displacement = manipulation.displacement_in_table
-        if self.config.grasp.keep_crease:
-            grasps = [grip.grasp for grip in grips]
-            displacement = displacement_keeping_crease(
-                displacement, points, grasps, self.config.grasp.jaw_depth
-            )
-        paths = hand_paths(self.robot, grips, displacement, silhouette, self.config)
-        resting = self._resting(paths.arms, joint_positions)
-        self._check_contact(paths, resting)
-        approach = self._approach(paths, joint_positions)
-        home = self._way_home(paths, resting)
-        return MotionPlan(
-            phases=self._phases(paths, approach, home),
-            grasps={grip.arm: grip.grasp for grip in grips},
-            via_poses_in_table=dict(zip(paths.arms, paths.via_poses_in_table, strict=True)),
-            displacement_in_table=displacement,
-            rejected=tuple(str(reason) for reason in rejected),
-        )
-
-    def _resting(
-        self, used: Sequence[str], joint_positions: Mapping[str, float]
-    ) -> dict[str, float]:
-        """Give the posture with every arm that is not used at rest."""
-        posture = dict(joint_positions)
-        for arm in self.robot.arms:
-            if arm not in used:
-                names = self.robot.joint_names([arm])
-                posture.update(zip(names, self.robot.rest_positions([arm]), strict=True))
-        return posture
-
-    def _check_contact(self, paths: HandPaths, others: Mapping[str, float]) -> None:
-        grasp = self.config.grasp
-        for name, path, width in (
-            ("lower", paths.lower, grasp.open_width),
-            ("insert", paths.insert, grasp.open_width),
-            ("carry", paths.carry, grasp.closed_width),
-            ("retreat", paths.retreat, grasp.open_width),
-        ):
-            widths = dict.fromkeys(paths.arms, width)
-            _, positions = path.densely(self.config.collision.path_step)
-            rows = self.robot.configurations(others, path.joint_names, positions, widths)
-            self.robot.collision.check_path(rows, name)
-
-    def _approach(self, paths: HandPaths, joint_positions: Mapping[str, float]) -> list[JointPath]:
-        """Bring the used arms above the hem, and stray ones to rest."""
-        strays = tuple(
-            arm
-            for arm in self.robot.arms
-            if arm not in paths.arms and self._strays(arm, joint_positions)
-        )
-        arms = paths.arms + strays
-        goal = np.concatenate([paths.start, *(self.robot.rest_positions([a]) for a in strays)])
-        start = self.robot.arm_positions(arms, joint_positions)
-        widths = dict.fromkeys(paths.arms, self.config.grasp.open_width)
-        move = JointMove("approach", arms, start, goal, joint_positions, widths)
-        return plan_joint_move(self.robot, move)
-
-    def _strays(self, arm: str, joint_positions: Mapping[str, float]) -> bool:
-        offset = self.robot.arm_positions([arm], joint_positions) - self.robot.rest_positions(
-            [arm]
-        )
-        return bool(np.abs(offset).max() > _AT_REST)
-
-    def _way_home(self, paths: HandPaths, others: Mapping[str, float]) -> list[JointPath]:
-        widths = dict.fromkeys(paths.arms, self.config.grasp.open_width)
-        goal = self.robot.rest_positions(paths.arms)
-        move = JointMove("home", paths.arms, paths.end, goal, others, widths)
-        return plan_joint_move(self.robot, move)
-
-    def _phases(
-        self, paths: HandPaths, approach: Sequence[JointPath], home: Sequence[JointPath]
-    ) -> tuple[Phase, ...]:
-        grasp, timing = self.config.grasp, self.config.timing
-        opened = self._jaws(paths.arms, grasp.open_width)
-        closed = self._jaws(paths.arms, grasp.closed_width)
-        down = (
-            *(self._time(path) for path in approach),
-            self._time(paths.lower, timing.lower_speed),
-            self._time(paths.insert, timing.insert_speed),
-        )
-        return (
-            Phase(PhaseName.APPROACH, down, opened),
-            Phase(PhaseName.GRASP, (), closed, grasp.close_time),
-            Phase(PhaseName.CARRY, (self._time(paths.carry, timing.carry_speed),)),
-            Phase(PhaseName.RELEASE, (), opened, grasp.open_time),
-            Phase(PhaseName.RETREAT, (self._time(paths.retreat, timing.retreat_speed),)),
-            Phase(PhaseName.HOME, tuple(self._time(path) for path in home)),
-        )
-
-    def _jaws(self, arms: Sequence[str], width: float) -> tuple[GripperCommand, ...]:
-        return tuple(GripperCommand(arm, width) for arm in arms)
-
-    def _time(self, path: JointPath, max_speed: float | None = None) -> TimedPath:
-        arms = [
-            arm
-            for arm in self.robot.arms
-            if set(self.robot.joint_names([arm])) <= set(path.joint_names)
-        ]
-        speeds = dict(
-            zip(self.robot.joint_names(arms), self.robot.max_velocity(arms), strict=True)
-        )
-        published = np.array([speeds[name] for name in path.joint_names])
-        return time_path(path, MotionLimits.of(published, self.config.timing), max_speed)
-
-
-def _of_arms(err: CellError, grips: Sequence[Grip]) -> CellError:
-    hands = " and ".join(
-        f"{grip.arm} arm at ({grip.grasp.position_in_table[0]:.3f}, "
-        f"{grip.grasp.position_in_table[1]:.3f}) m"
-        for grip in grips
-    )
-    return type(err)(f"{hands}: {err}")
-
-
-def _refusal(rejected: Sequence[CellError]) -> CellError:
-    """Put all reasons into one error; a collision outranks being out of reach."""
-    collided = any(isinstance(reason, CollisionError) for reason in rejected)
-    kind = CollisionError if collided else OutOfReachError
-    unique = list(dict.fromkeys(str(reason) for reason in rejected))
-    quoted = "; ".join(unique[:_QUOTED])
-    more = f"; and {len(unique) - _QUOTED} more" if len(unique) > _QUOTED else ""
-    return kind(f"no arm can carry out this manipulation: {quoted}{more}")

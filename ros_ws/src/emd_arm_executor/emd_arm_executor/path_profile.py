@@ -47,21 +47,21 @@ class PathProfile:
     duration: float
 
     @classmethod
-    def standing(cls) -> PathProfile:
-        """Stay at 0."""
-        return cls._integrate(np.zeros(0), np.zeros(0), PathState(0.0, 0.0, 0.0))
+    def standing(cls, position: float = 0.0) -> PathProfile:
+        """Stay at a position."""
+        return cls._integrate(np.zeros(0), np.zeros(0), PathState(position, 0.0, 0.0))
 
     @classmethod
     def rest_to_rest(
-        cls, length: float, speed: float, acceleration: float, jerk: float
+        cls, length: float, speed: float, acceleration: float, jerk: float, start: float = 0.0
     ) -> PathProfile:
-        """Go from 0 to `length` in the shortest time within the limits (Ruckig)."""
+        """Go from `start` to `length` in the shortest time within the limits (Ruckig)."""
         request = InputParameter(1)
-        request.current_position, request.target_position = [0.0], [length]
+        request.current_position, request.target_position = [start], [length]
         request.max_velocity = [speed]
         request.max_acceleration = [acceleration]
         request.max_jerk = [jerk]
-        return cls._calculate(request, PathState(0.0, 0.0, 0.0))
+        return cls._calculate(request, PathState(start, 0.0, 0.0))
 
     @classmethod
     def to_rest(cls, state: PathState, acceleration: float, jerk: float) -> PathProfile:
@@ -111,6 +111,17 @@ class PathProfile:
         starts = np.append(0.0, np.cumsum(times))
         p, v, a = states[:-1].T
         return cls(starts[:-1], jerks, a, v, p, float(starts[-1]))
+
+    def slowed(self, factor: float) -> PathProfile:
+        """Give the same motion, `factor` times as long."""
+        return PathProfile(
+            self.starts * factor,
+            self.jerks / factor**3,
+            self.accelerations / factor**2,
+            self.velocities / factor,
+            self.positions,
+            self.duration * factor,
+        )
 
     def sample(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Give position, velocity, acceleration and jerk at times (T,), each (T,).

@@ -21,6 +21,9 @@ from emd_core.frames import FloatArray
 
 # Instants at which a motion is checked against the joints' limits.
 _CHECKS = 300
+# Time between the instants of the last check, seconds, and what is kept free beyond it.
+_FINE_CHECK = 1e-3
+_SPARE = 1e-3
 # What `time_path` tries: widths of smoothing, and shares of acceleration and jerk.
 _WINDOWS = (0.02, 0.035, 0.06)
 _SHARES = (1.0, 0.6)
@@ -100,7 +103,18 @@ def time_path(path: JointPath, limits: MotionLimits, max_speed: float | None = N
         for evened in (_even_out(path, limits, max_speed, window) for window in _WINDOWS)
         for share in _SHARES
     ]
-    return min(trials, key=lambda trial: trial.duration)
+    return _within(min(trials, key=lambda trial: trial.duration), limits)
+
+
+def _within(timed: TimedPath, limits: MotionLimits) -> TimedPath:
+    """Slow a motion down by the little that it exceeds the limits by between coarse instants."""
+    profile = timed.profile
+    count = int(np.ceil(timed.duration / _FINE_CHECK)) + 1
+    jumps = np.concatenate([profile.starts, profile.starts[1:] - 1e-9, [profile.duration]])
+    instants = np.concatenate([np.linspace(0.0, timed.duration, count), jumps])
+    velocity, excess, sudden = limits.excess(*timed.joint_motion(instants)[1:])
+    slower = max(velocity, excess ** (1 / 2), sudden ** (1 / 3)) * (1.0 + _SPARE)
+    return timed if slower <= 1.0 else TimedPath(timed.path, profile.slowed(slower))
 
 
 def _even_out(
@@ -135,18 +149,18 @@ def _even_out(
     return JointPath.through(path.joint_names, path.positions(old), new)
 
 
-def _fit(path: JointPath, limits: MotionLimits, share: float) -> TimedPath:
-    """Time an evened path at full speed, slowed down until the joints' limits hold."""
+def _fit(path: JointPath, limits: MotionLimits, share: float, start: float = 0.0) -> TimedPath:
+    """Time an evened path from `start` at full speed, slowed until the joints' limits hold."""
     steepest = np.maximum(np.abs(path.derivatives(path.spline.x)[0]).max(axis=0), 1e-9)
     acceleration = share * float((limits.acceleration / steepest).min())
     jerk = share * float((limits.jerk / steepest).min())
-    trial = TimedPath(path, PathProfile.rest_to_rest(path.length, 1.0, acceleration, jerk))
+    trial = TimedPath(path, PathProfile.rest_to_rest(path.length, 1.0, acceleration, jerk, start))
     velocity, excess, sudden = limits.excess(*_checked_motion(trial))
     slower = max(velocity, excess ** (1 / 2), sudden ** (1 / 3), 1.0)
     if slower > 1.0:
         slower *= 1.0 + 1e-3
         scaled = (1.0 / slower, acceleration / slower**2, jerk / slower**3)
-        trial = TimedPath(path, PathProfile.rest_to_rest(path.length, *scaled))
+        trial = TimedPath(path, PathProfile.rest_to_rest(path.length, *scaled, start))
     return trial
 
 
@@ -186,11 +200,21 @@ def stop_path(timed: TimedPath, time: float, limits: MotionLimits) -> TimedPath:
     return stop
 
 
-def stop_trajectory(
-    timed: TimedPath, time: float, limits: MotionLimits, period: float
-) -> JointTrajectory:
-    """Sample `stop_path` every `period` seconds."""
-    return stop_path(timed, time, limits).sample(period)
+def resume_path(stopped: TimedPath, limits: MotionLimits) -> TimedPath:
+    """Go on along a path, from where a motion came to rest on it to its end.
+
+    Args:
+        stopped: What `stop_path` gave.
+        limits: Of the joints.
+
+    Returns:
+        A motion on the same curve; it stands still if the end was reached.
+    """
+    path, position = stopped.path, stopped.state_at(stopped.duration).position
+    if path.length - position < _STILL:
+        return TimedPath(path, PathProfile.standing(path.length))
+    trials = [_fit(path, limits, share, position) for share in _SHARES]
+    return _within(min(trials, key=lambda trial: trial.duration), limits)
 
 
 def _checked_motion(timed: TimedPath) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -389,6 +389,26 @@ def replay(
     print(f"written: {out}")
 
 
+@app.command(name="check-motion")
+def check_motion(
+    plans: Annotated[int, typer.Option(min=1, help="how many random manipulations")] = 1000,
+    seed: Annotated[int, typer.Option(min=0, help="of the manipulations")] = 0,
+    folder: Annotated[Path, typer.Option(help="journal.jsonl, summary.json")] = Path(
+        "runs/motion"
+    ),
+    robot: Annotated[Path | None, typer.Option(help="a robot's YAML; HIRO if none")] = None,
+    minutes: Annotated[float, typer.Option(min=0.0, help="stop after these; 0: never")] = 0.0,
+) -> None:
+    """Plan random manipulations and audit every motion: limits, collisions, straightness.
+
+    An interrupted campaign goes on when the command is given again.
+    """
+    from emd_cell.motion_check.command import check_motion as check
+
+    report = check(plans, seed, folder, robot, minutes, sys.argv[2:], console)
+    print(json.dumps(report["summary"], indent=1))
+
+
 @app.command()
 def bench(
     name: Annotated[str, typer.Argument(help="which; see --list")] = "",

@@ -1,4 +1,4 @@
-"""HIRO's joints by group, their limits, and its named postures.
+"""HIRO's joints by group, their limits, and its named postures, from `hiro.yaml`.
 
 Hand 0 is the left one, hand 1 the right one, wherever hands are numbered.
 """
@@ -20,6 +20,7 @@ from emd_arm_executor.hiro.cell_geometry import (
 from emd_arm_executor.hiro.figures.joints import all_joints
 from emd_arm_executor.hiro.gripper import GripperGeometry
 from emd_arm_executor.hiro.make_urdf import URDF_PATH
+from emd_arm_executor.robot_file import read_robot_file
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FloatArray
 
@@ -31,6 +32,7 @@ __all__ = [
     "JOINT_NAMES",
     "OBSERVE",
     "OFF",
+    "ROBOT_FILE",
     "URDF_PATH",
     "CellGeometry",
     "GripperGeometry",
@@ -114,21 +116,13 @@ def joint_group(name: str) -> JointGroup:
     return JOINT_GROUPS[name]
 
 
-def _numbered(stem: str, count: int) -> tuple[str, ...]:
-    return tuple(f"{stem}_JOINT{number}" for number in range(count))
-
+ROBOT_FILE = read_robot_file(URDF_PATH.with_name("hiro.yaml"))
+_TIPS = {arm.group: arm.tool_frame for arm in ROBOT_FILE.arms.values()}
 
 JOINT_GROUPS: Mapping[str, JointGroup] = MappingProxyType(
     {
-        group.name: group
-        for group in (
-            JointGroup("torso", ("CHEST_JOINT0",)),
-            JointGroup("head", _numbered("HEAD", 2)),
-            JointGroup("left_arm", _numbered("LARM", 6), tip="left_tool"),
-            JointGroup("left_gripper", _numbered("LHAND", 4)),
-            JointGroup("right_arm", _numbered("RARM", 6), tip="right_tool"),
-            JointGroup("right_gripper", _numbered("RHAND", 4)),
-        )
+        name: JointGroup(name, joints, _TIPS.get(name, ""))
+        for name, joints in ROBOT_FILE.groups.items()
     }
 )
 
@@ -147,33 +141,7 @@ JOINT_LIMITS: Mapping[str, JointLimits] = MappingProxyType(
 )
 
 
-def _posture(
-    name: str, left_arm: tuple[float, ...], head: tuple[float, float], hand_width: float
-) -> Posture:
-    """Mirror the left arm's angles (degrees) to the right and open both hands by the same."""
-    arm = np.radians(left_arm)
-    fingers = tuple(GripperGeometry().joints_from_width(hand_width).tolist())
-    return Posture(
-        name,
-        MappingProxyType(
-            {
-                "torso": (0.0,),
-                "head": tuple(np.radians(head).tolist()),
-                "left_arm": tuple(arm.tolist()),
-                "right_arm": tuple((arm * (-1, 1, 1, -1, 1, -1)).tolist()),
-                "left_gripper": fingers,
-                "right_gripper": fingers,
-            }
-        ),
-    )
-
-
-_ZERO_WIDTH = 2 * GripperGeometry().half_gap
-
-# Published: `goInitial` (init_pose_type 0) and `goOffPose` of HIRO's client.
-INITIAL = _posture("initial", (0.6, 0, -100, -15.2, 9.4, -3.2), (0, 0), _ZERO_WIDTH)
-OFF = _posture("off", (-25, -139, -157, -45, 0, 0), (0, 0), _ZERO_WIDTH)
-
-# Own choice: both arms swung out to the sides, hands down, so that no part of the robot is in the
-# picture of the head camera, whose axis meets the table frame's origin.
-OBSERVE = _posture("observe", (75, -43, -105, -8, 37, 0), (0, 50), _ZERO_WIDTH)
+INITIAL, OFF, OBSERVE = (
+    Posture(name, MappingProxyType(dict(ROBOT_FILE.poses[name])))
+    for name in ("initial", "off", "observe")
+)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from emd_arm_executor.gripper_law import GripperLaw
 from emd_arm_executor.hiro.figures.joints import FINGERS
 from emd_arm_executor.hiro.figures.shapes import PAD_OFFSET
 from emd_core.errors import InvalidInputError
@@ -14,7 +15,7 @@ from emd_core.frames import FloatArray
 
 
 @dataclass(frozen=True)
-class GripperGeometry:
+class GripperGeometry(GripperLaw):
     """Two parallel fingers, each with a proximal and a distal joint.
 
     With an opening w the proximal joints turn by a and -a and the distal ones back by as much, so

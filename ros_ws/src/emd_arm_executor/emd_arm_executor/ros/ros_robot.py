@@ -9,7 +9,6 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 
-from emd_arm_executor.hiro.gripper import GripperGeometry
 from emd_arm_executor.joint_trajectory import JointTrajectory
 from emd_arm_executor.robot_description import RobotDescription
 from emd_arm_executor.robot_interface import JointReading, RobotInterface
@@ -34,10 +33,9 @@ class RosRobot(RobotInterface):
         """Connect `node` with the robot's topics."""
         self._node = node
         self._description = description
-        self._gripper = GripperGeometry()
         self._state: JointState | None = None
-        groups = [arm.controller for arm in description.arms.values()]
-        groups += [f"{arm}_gripper" for arm in description.arms]
+        groups = [*description.controllers]
+        groups += [arm.gripper_controller for arm in description.arms.values()]
         self._publishers = {
             group: node.create_publisher(
                 JointTrajectoryMsg, f"{group}_controller/joint_trajectory", 10
@@ -110,24 +108,23 @@ class RosRobot(RobotInterface):
 
     def send_gripper(self, arm: str, width: float) -> None:
         """Publish the jaws' joints for an opening."""
-        joints = self._description.arms[arm].gripper_joint_names
-        angles = self._description.gripper_joints_from_width(width)
-        self._send_point(f"{arm}_gripper", joints, angles.tolist(), _GRIPPER_TIME)
+        hand = self._description.arms[arm]
+        angles = self._description.gripper.joints_from_width(width).tolist()
+        self._send_point(hand.gripper_controller, hand.gripper_joint_names, angles, _GRIPPER_TIME)
 
     def gripper_width(self, arm: str) -> float:
         """Measure the opening from the jaws' joints, metres."""
         measured = self.joint_positions()
         joints = self._description.arms[arm].gripper_joint_names
         angles = np.array([measured[name] for name in joints])
-        return float(self._gripper.width_from_joints(angles))
+        return float(self._description.gripper.width_from_joints(angles))
 
     def hold(self) -> None:
-        """Send every arm to where it is."""
+        """Send every arm and the torso to where it is."""
         measured = self.joint_positions()
-        for arm in self._description.arms.values():
-            joints = arm.group.joint_names
+        for group, joints in self._description.controllers.items():
             positions = [measured[name] for name in joints]
-            self._send_point(arm.controller, joints, positions, _HOLD_TIME)
+            self._send_point(group, joints, positions, _HOLD_TIME)
 
     def _send_point(
         self, group: str, joints: tuple[str, ...], positions: list[float], seconds: float

@@ -1,0 +1,1 @@
+"""Random manipulations planned, carried out by a perfect robot, and audited."""

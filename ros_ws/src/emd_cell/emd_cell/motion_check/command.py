@@ -1,0 +1,67 @@
+"""`./cell check-motion`: random manipulations through the arms' planner, all audited."""
+
+from __future__ import annotations
+
+import hashlib
+import shlex
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
+
+import emd_arm_executor
+from emd_arm_executor.robot_description import hiro_description, load_description
+from emd_arm_executor.robot_model import RobotModel
+from emd_cell.bench import machine
+from emd_cell.motion_check.campaign import Campaign, run_campaign, summarise
+from emd_cloth_sim.json_file import write_json
+
+
+def check_motion(
+    campaign_count: int,
+    seed: int,
+    folder: Path,
+    robot_file: Path | None,
+    minutes: float,
+    arguments: Sequence[str],
+    console: Console,
+) -> dict[str, object]:
+    """Run or go on with a campaign; write `summary.json` beside its journal and give it.
+
+    Raises:
+        InvalidInputError: If the folder holds another campaign's journal, or the robot's file is
+            unusable.
+    """
+    description = hiro_description() if robot_file is None else load_description(robot_file)
+    robot = RobotModel(description)
+    campaign = Campaign(campaign_count, seed, identity(robot_file))
+    deadline = time.monotonic() + 60.0 * minutes
+    columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console) as progress:
+        bar = progress.add_task("manipulations", total=campaign.count)
+        records = run_campaign(
+            robot,
+            campaign,
+            folder / "journal.jsonl",
+            lambda done: progress.update(bar, completed=done),
+            (lambda: time.monotonic() > deadline) if minutes > 0.0 else None,
+        )
+    report = {
+        "command": shlex.join(["./cell", "check-motion", *arguments]),
+        "machine": machine(),
+        "config": {"seed": seed, "wanted": campaign.count, "identity": campaign.identity},
+        "summary": summarise(records),
+    }
+    write_json(folder / "summary.json", report)
+    return report
+
+
+def identity(robot_file: Path | None) -> str:
+    """Digest of the sources that plan motions, and of the robot's file if one is named."""
+    digest = hashlib.sha256()
+    package = Path(emd_arm_executor.__file__).parent
+    for path in (*sorted(package.glob("*.py")), *([robot_file] if robot_file else [])):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
