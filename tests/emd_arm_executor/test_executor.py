@@ -10,6 +10,7 @@ import pytest
 
 from emd_arm_executor.executor import MotionExecutor
 from emd_arm_executor.mock_robot import MockRobot
+from emd_arm_executor.motion_limits import MotionLimits
 from emd_arm_executor.motion_plan import MotionPlan, PhaseName
 from emd_arm_executor.motion_planner import MotionPlanner
 from emd_arm_executor.robot_interface import JointReading
@@ -224,3 +225,56 @@ def test_refused_manipulation_sends_nothing(
     with pytest.raises(CellError):
         planner.plan_motion(task([[-0.1, -0.2]], [0.0, 0.9]), towel(), mock.joint_positions())
     assert mock.sent == [] and mock.gripper_commands == []
+
+
+def test_paused_arms_rest_and_go_on(
+    half_fold: MotionPlan, mock: MockRobot, robot: RobotModel
+) -> None:
+    """Paused for 2 s while they carry, the arms stand still on their path, then end as planned."""
+    executor = MotionExecutor(mock, robot)
+    begin = _phase_start(half_fold, PhaseName.CARRY) + 1.0
+    rested: list[dict[str, float]] = []
+
+    def pause() -> bool:
+        if begin + 1.0 < mock.now() < begin + 2.0:
+            rested.append(dict(mock.joint_positions()))
+        return begin <= mock.now() < begin + 2.0
+
+    executor.run(half_fold, should_pause=pause)
+    assert len(rested) > 5 and all(posture == rested[0] for posture in rested)
+    assert mock.now() > half_fold.duration + 1.5
+    path = next(p for p in half_fold.phases if p.name is PhaseName.CARRY).segments[0].path
+    curve = path.positions(np.linspace(0.0, path.length, 4000))
+    for sent in mock.sent:
+        if begin <= sent.start_time < begin + 4.0 and sent.group == "left_arm":
+            gaps = np.abs(sent.trajectory.positions[:, None] - curve[None, :, :6]).max(axis=2)
+            assert gaps.min(axis=1).max() < 1e-3
+    end = robot.arm_positions(ARMS, mock.joint_positions())
+    assert end == pytest.approx(robot.rest_positions(ARMS), abs=1e-5)
+
+
+def test_a_paused_motion_can_be_cancelled(
+    half_fold: MotionPlan, mock: MockRobot, robot: RobotModel
+) -> None:
+    """While the arms pause, a request to stop is heard."""
+    executor = MotionExecutor(mock, robot)
+    begin = _phase_start(half_fold, PhaseName.CARRY) + 1.0
+    with pytest.raises(CancelledError):
+        executor.run(half_fold, None, _stop_at(executor, begin + 3.0), lambda: mock.now() >= begin)
+    assert mock.now() == pytest.approx(begin + 3.0, abs=0.2)
+
+
+def test_a_pause_keeps_the_limits(
+    half_fold: MotionPlan, mock: MockRobot, robot: RobotModel
+) -> None:
+    """Going on from rest keeps the velocities and accelerations of any motion."""
+    begin = _phase_start(half_fold, PhaseName.CARRY) + 0.8
+    MotionExecutor(mock, robot).run(
+        half_fold, should_pause=lambda: begin <= mock.now() < begin + 1.0
+    )
+    resumed = [s for s in mock.sent if begin + 0.9 < s.start_time < begin + 1.3]
+    assert resumed
+    for sent in resumed:
+        limits = MotionLimits.of(robot.max_velocity(sent.trajectory.joint_names))
+        assert (np.abs(sent.trajectory.velocities) <= limits.velocity * 1.001).all()
+        assert (np.abs(sent.trajectory.accelerations) <= limits.acceleration * 1.001).all()

@@ -11,7 +11,7 @@ from emd_arm_executor.grasp import displacement_keeping_crease
 from emd_arm_executor.grip_assignment import assignments, grip_sets
 from emd_arm_executor.grip_search import GripTask
 from emd_arm_executor.hand_paths import Grip, HandPaths, hand_paths
-from emd_arm_executor.hem import find_hems
+from emd_arm_executor.hem import Hem, find_hems
 from emd_arm_executor.hem_contour import HemContour
 from emd_arm_executor.joint_moves import JointMove, plan_joint_move
 from emd_arm_executor.joint_path import JointPath
@@ -20,7 +20,7 @@ from emd_arm_executor.motion_plan import GripperCommand, MotionPlan, Phase, Phas
 from emd_arm_executor.robot_model import RobotModel
 from emd_arm_executor.silhouette import Silhouette
 from emd_arm_executor.trajectory import TimedPath, time_path
-from emd_core.errors import CellError, CollisionError, OutOfReachError
+from emd_core.errors import CellError, CollisionError, NoHemError, OutOfReachError
 from emd_core.frames import FloatArray
 from emd_core.manipulation import Manipulation
 
@@ -44,6 +44,7 @@ class ManipulationPlanner:
         silhouette: Silhouette,
         contours: Sequence[HemContour],
         joint_positions: Mapping[str, float],
+        avoid_in_table: Sequence[FloatArray] = (),
     ) -> MotionPlan:
         """Plan approach, grasp, carrying, release, retreat and the way home.
 
@@ -52,6 +53,7 @@ class ManipulationPlanner:
             silhouette: The cloth.
             contours: Its outlines.
             joint_positions: Where the robot's joints are, radians; the torso as it is locked.
+            avoid_in_table: Places at hems where a grasp has failed, each (2,), metres.
 
         Raises:
             NoHemError: If no hem lies near a grasp point.
@@ -61,8 +63,7 @@ class ManipulationPlanner:
         """
         used = np.array(manipulation.used)
         points = manipulation.grasp_points_in_table[used]
-        count = self.config.hem.candidates
-        hems = [find_hems(contours, point, count, self.config.hem) for point in points]
+        hems = [self._hems(contours, point, avoid_in_table) for point in points]
         rejected: list[CellError] = []
         task = GripTask(manipulation.displacement_in_table, silhouette, self.config)
         for searches in assignments(self.robot, points, hems, task):
@@ -75,6 +76,25 @@ class ManipulationPlanner:
                     rejected.append(_of_arms(err, grips))
             rejected.extend(reason for search in searches for reason in search.rejected)
         raise _refusal(rejected)
+
+    def _hems(
+        self, contours: Sequence[HemContour], point: FloatArray, avoid: Sequence[FloatArray]
+    ) -> list[Hem]:
+        """Find the hems near a point, without those where a grasp has failed."""
+        config = self.config.hem
+        found = find_hems(contours, point, config.candidates, config)
+        near = config.failed_radius
+        kept = [
+            hem
+            for hem in found
+            if all(np.linalg.norm(hem.point_in_table - place) > near for place in avoid)
+        ]
+        if not kept:
+            raise NoHemError(
+                f"another hem near ({point[0]:.3f}, {point[1]:.3f}) m is wanted, since the grasp "
+                f"there failed; all {len(found)} are within {near:.3f} m of the failed one"
+            )
+        return kept
 
     def _complete(
         self,

@@ -6,7 +6,7 @@ whole motion. What cannot be done is refused with the reason for every candidate
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -31,6 +31,7 @@ from emd_arm_executor.robot_model import RobotModel
 from emd_arm_executor.silhouette import Silhouette
 from emd_arm_executor.trajectory import TimedPath
 from emd_core.errors import CellError, CollisionError, OutOfReachError
+from emd_core.frames import FloatArray
 from emd_core.manipulation import Manipulation
 
 
@@ -47,6 +48,7 @@ class MotionPlanner:
         manipulation: Manipulation,
         silhouette: Silhouette,
         joint_positions: Mapping[str, float],
+        avoid_in_table: Sequence[FloatArray] = (),
     ) -> MotionPlan:
         """Plan approach, grasp, carrying, release, retreat and the way home.
 
@@ -58,6 +60,7 @@ class MotionPlanner:
             manipulation: Grasp points and displacement in the table frame.
             silhouette: The cloth.
             joint_positions: Where the robot's joints are, radians.
+            avoid_in_table: Places at hems where a grasp has failed, each (2,), metres.
 
         Raises:
             NoHemError: If no hem lies near a grasp point.
@@ -73,7 +76,7 @@ class MotionPlanner:
             try:
                 turn = self._turn(joint_positions, position)
                 plan = ManipulationPlanner(robot, self.config).plan(
-                    manipulation, silhouette, contours, posture
+                    manipulation, silhouette, contours, posture, avoid_in_table
                 )
                 return self._turned(plan, turn, posture, refused)
             except (OutOfReachError, CollisionError) as err:

@@ -10,11 +10,12 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
 from emd_arm_executor.config import ExecutionConfig, MotionConfig
 from emd_arm_executor.executor import MotionExecutor
+from emd_arm_executor.manipulation_runner import ManipulationRunner, RunCallbacks
 from emd_arm_executor.motion_plan import MotionPlan, PhaseName
 from emd_arm_executor.motion_planner import MotionPlanner
 from emd_arm_executor.observed_silhouette import silhouette_from_points
@@ -39,14 +40,14 @@ class ExecutorNode(Node):
     """Plans the whole motion, checks it, and only then moves; one manipulation at a time."""
 
     def __init__(self) -> None:
-        """Load the robot's model and offer the action and the way home."""
+        """Load the robot's model and offer the action, the pause and the way home."""
         super().__init__("arm_executor")
         config = declare_config(self, MotionConfig(execution=_EXECUTION))
         description = hiro_description()
         model = RobotModel(description, config)
-        self._planner = MotionPlanner(model)
-        self._robot = RosRobot(self, description)
-        self._motion = MotionExecutor(self._robot, model)
+        motion = MotionExecutor(RosRobot(self, description), model)
+        self._runner = ManipulationRunner(MotionPlanner(model), motion)
+        self._paused = False
         self._points: PointCloud2 | None = None
         self.create_subscription(PointCloud2, "perception/points", self._on_points, 5)
         self._markers = self.create_publisher(MarkerArray, "arm_executor/markers", 5)
@@ -58,6 +59,13 @@ class ExecutorNode(Node):
             Trigger,
             "arm_executor/go_home",
             self._on_go_home,
+            callback_group=self._worker.callback_group,
+        )
+
+        self.create_service(
+            SetBool,
+            "arm_executor/pause",
+            self._on_pause,
             callback_group=self._worker.callback_group,
         )
 
@@ -73,19 +81,20 @@ class ExecutorNode(Node):
                 "its hem is known"
             )
         points = conversions.points_from_message(self._points)
-        plan = self._planner.plan_motion(
-            manipulation, silhouette_from_points(points), self._robot.joint_positions()
+        callbacks = RunCallbacks(
+            on_plan=lambda plan: self._announce(plan, result),
+            on_progress=lambda *progress: self._feed_back(goal_handle, *progress),
+            should_stop=lambda: goal_handle.is_cancel_requested,
+            should_pause=lambda: self._paused,
         )
+        self._runner.run(manipulation, silhouette_from_points(points), callbacks)
+
+    def _announce(self, plan: MotionPlan, result: ExecuteManipulation.Result) -> None:
         for reason in plan.rejected:
             self.get_logger().info(f"candidate given up: {reason}")
         self._show(plan)
         result.executed = conversions.manipulation_to_message(
             _executed(plan), self._table_header()
-        )
-        self._motion.run(
-            plan,
-            lambda phase, share: self._feed_back(goal_handle, plan, phase, share),
-            lambda: goal_handle.is_cancel_requested,
         )
 
     def _feed_back(
@@ -111,7 +120,14 @@ class ExecutorNode(Node):
         return response
 
     def _go_home(self) -> None:
-        self._motion.run(self._planner.plan_home(self._robot.joint_positions(), open_hands=True))
+        self._runner.go_home(RunCallbacks(should_pause=lambda: self._paused))
+
+    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        """Let the arms rest on their path from now on, or go on; heard while they move."""
+        self._paused = request.data
+        response.success = True
+        response.message = "the arms pause" if request.data else "the arms go on"
+        return response
 
     def _show(self, plan: MotionPlan) -> None:
         """Publish hems as grasped and the tools' via-poses."""

@@ -7,6 +7,7 @@ import shlex
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
@@ -27,7 +28,7 @@ def check_motion(
     minutes: float,
     arguments: Sequence[str],
     console: Console,
-) -> dict[str, object]:
+) -> dict[str, Any]:
     """Run or go on with a campaign; write `summary.json` beside its journal and give it.
 
     Raises:
@@ -48,7 +49,7 @@ def check_motion(
             lambda done: progress.update(bar, completed=done),
             (lambda: time.monotonic() > deadline) if minutes > 0.0 else None,
         )
-    report = {
+    report: dict[str, Any] = {
         "command": shlex.join(["./cell", "check-motion", *arguments]),
         "machine": machine(),
         "config": {"seed": seed, "wanted": campaign.count, "identity": campaign.identity},

@@ -1,0 +1,121 @@
+"""One manipulation from the plan to the way home, with one more try if a grasp fails."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from emd_arm_executor.executor import MotionExecutor, ShouldStop
+from emd_arm_executor.motion_plan import MotionPlan, PhaseName
+from emd_arm_executor.motion_planner import MotionPlanner
+from emd_arm_executor.silhouette import Silhouette
+from emd_core.errors import CellError, GraspFailedError
+from emd_core.frames import FloatArray
+from emd_core.manipulation import Manipulation
+
+
+@dataclass(frozen=True)
+class RunCallbacks:
+    """Who hears of a run, and who is asked whether it should go on.
+
+    Attributes:
+        on_plan: Called with each plan before it is carried out.
+        on_progress: Called with the plan, the phase and how far that is, 0..1.
+        should_stop: As for `MotionExecutor.run`.
+        should_pause: As for `MotionExecutor.run`.
+    """
+
+    on_plan: Callable[[MotionPlan], None] = lambda plan: None
+    on_progress: Callable[[MotionPlan, PhaseName, float], None] = lambda plan, phase, share: None
+    should_stop: ShouldStop = lambda: False
+    should_pause: ShouldStop = lambda: False
+
+
+class ManipulationRunner:
+    """Plans and carries out manipulations; after a failed grasp it tries one other hem."""
+
+    def __init__(self, planner: MotionPlanner, executor: MotionExecutor) -> None:
+        """Keep the planner and the executor, both of one robot."""
+        self.planner = planner
+        self.executor = executor
+
+    def run(
+        self,
+        manipulation: Manipulation,
+        silhouette: Silhouette,
+        callbacks: RunCallbacks | None = None,
+    ) -> MotionPlan:
+        """Carry out a manipulation.
+
+        If jaws close on nothing, they open and both arms go home; then the manipulation is
+        planned anew without the hems at which it failed, once.
+
+        Args:
+            manipulation: In the table frame.
+            silhouette: The cloth, which an empty grasp has not moved.
+            callbacks: Who hears of it and may stop it.
+
+        Returns:
+            The plan that was carried out.
+
+        Raises:
+            GraspFailedError: If the second grasp fails as well, or no other hem can be grasped;
+                the arms are home.
+            CellError: As the planner and the executor raise them.
+        """
+        callbacks = callbacks or RunCallbacks()
+        first = self._plan(manipulation, silhouette, ())
+        try:
+            return self._carry_out(first, callbacks)
+        except GraspFailedError as err:
+            self.go_home(callbacks)
+            second = self._plan_again(manipulation, silhouette, first, err)
+        try:
+            return self._carry_out(second, callbacks)
+        except GraspFailedError as err:
+            self.go_home(callbacks)
+            raise GraspFailedError(f"{err}; it was the second try, both arms are home") from err
+
+    def go_home(self, callbacks: RunCallbacks | None = None) -> None:
+        """Open the jaws and bring both arms and the torso to rest.
+
+        Raises:
+            CollisionError: If every way touches something.
+            CellError: As the executor raises them.
+        """
+        callbacks = callbacks or RunCallbacks()
+        joints = self.executor.robot.joint_positions()
+        plan = self.planner.plan_home(joints, open_hands=True)
+        self.executor.run(plan, None, callbacks.should_stop, callbacks.should_pause)
+
+    def _plan(
+        self, manipulation: Manipulation, silhouette: Silhouette, avoid: Sequence[FloatArray]
+    ) -> MotionPlan:
+        joints = self.executor.robot.joint_positions()
+        return self.planner.plan_motion(manipulation, silhouette, joints, avoid)
+
+    def _plan_again(
+        self,
+        manipulation: Manipulation,
+        silhouette: Silhouette,
+        failed: MotionPlan,
+        reason: GraspFailedError,
+    ) -> MotionPlan:
+        """Plan without the hems of a plan whose grasp failed."""
+        avoid = [grasp.hem.point_in_table for grasp in failed.grasps.values()]
+        try:
+            return self._plan(manipulation, silhouette, avoid)
+        except CellError as err:
+            raise GraspFailedError(
+                f"{reason}; no other hem can be grasped: {err}; both arms are home"
+            ) from err
+
+    def _carry_out(self, plan: MotionPlan, callbacks: RunCallbacks) -> MotionPlan:
+        callbacks.on_plan(plan)
+        self.executor.run(
+            plan,
+            lambda phase, share: callbacks.on_progress(plan, phase, share),
+            callbacks.should_stop,
+            callbacks.should_pause,
+        )
+        return plan
