@@ -8,6 +8,7 @@ setup(
     packages=find_packages(),
     package_data={
         "emd_arm_executor": ["py.typed"],
+        "emd_arm_executor.dual_arm": ["dual_arm.urdf", "dual_arm.yaml"],
         "emd_arm_executor.hiro": ["hiro.urdf", "hiro.yaml"],
     },
     data_files=[

@@ -91,8 +91,12 @@ def read_robot_file(path: Path) -> RobotFile:
     content = _load(path)
     _check_keys(content, _KEYS, _OPTIONAL, str(path))
     groups = {name: tuple(joints) for name, joints in content["groups"].items()}
+    arms = {name: _arm(path, name, entry) for name, entry in content["arms"].items()}
+    # Hands are told openings, so poses leave their joints at 0.
+    posable = {g: j for g, j in groups.items() if g not in {arm.gripper for arm in arms.values()}}
+    still = {group: (0.0,) * len(joints) for group, joints in groups.items()}
     poses = {
-        name: _pose(f"{path}: pose {name}", pose or {}, groups)
+        name: {**still, **_pose(f"{path}: pose {name}", pose or {}, posable)}
         for name, pose in content["poses"].items()
     }
     limits = content.get("position_limits", {})
@@ -100,7 +104,7 @@ def read_robot_file(path: Path) -> RobotFile:
         name=str(content["name"]),
         urdf=path.parent / content["urdf"],
         groups=groups,
-        arms={name: _arm(path, name, entry) for name, entry in content["arms"].items()},
+        arms=arms,
         torso=content.get("torso"),
         gripper_law=content["gripper_law"],
         position_limits={
@@ -154,13 +158,10 @@ def _pose(
     for group, angles in pose.items():
         if group not in groups or len(angles) != len(groups[group]):
             raise InvalidInputError(
-                f"{where} should give an angle for each joint of {group}, a group of "
-                f"{sorted(groups)}; got {angles}"
+                f"{where} should give an angle for each joint of groups of {sorted(groups)}, got "
+                f"{group}: {angles}"
             )
-    return {
-        group: tuple(math.radians(a) for a in pose.get(group, [0.0] * len(joints)))
-        for group, joints in groups.items()
-    }
+    return {group: tuple(math.radians(angle) for angle in pose[group]) for group in pose}
 
 
 def _check_names(path: Path, file: RobotFile) -> None:

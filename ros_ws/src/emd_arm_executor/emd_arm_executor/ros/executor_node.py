@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from emd_arm_executor.manipulation_runner import ManipulationRunner, RunCallback
 from emd_arm_executor.motion_plan import MotionPlan, PhaseName
 from emd_arm_executor.motion_planner import MotionPlanner
 from emd_arm_executor.observed_silhouette import silhouette_from_points
-from emd_arm_executor.robot_description import hiro_description
+from emd_arm_executor.robot_description import hiro_description, load_description
 from emd_arm_executor.robot_model import RobotModel
 from emd_arm_executor.ros.ros_robot import RosRobot
 from emd_core.errors import NoObservationError
@@ -43,7 +44,8 @@ class ExecutorNode(Node):
         """Load the robot's model and offer the action, the pause and the way home."""
         super().__init__("arm_executor")
         config = declare_config(self, MotionConfig(execution=_EXECUTION))
-        description = hiro_description()
+        file = self.declare_parameter("robot_file", "").value
+        description = load_description(Path(file)) if file else hiro_description()
         model = RobotModel(description, config)
         motion = MotionExecutor(RosRobot(self, description), model)
         self._runner = ManipulationRunner(MotionPlanner(model), motion)

@@ -1,0 +1,1 @@
+"""A second robot, for those who bring their own: two upright arms of seven joints, made up."""
