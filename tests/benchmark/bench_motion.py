@@ -30,9 +30,9 @@ from emd_core.errors import CellError
 from emd_core.frames import FloatArray
 
 POSES = 10_000
-POSES_PYBULLET = 500
-LINES = 20
-MOTIONS = 80
+POSES_PYBULLET = 400
+LINES = 10
+MOTIONS = 40
 SEED = 11
 
 

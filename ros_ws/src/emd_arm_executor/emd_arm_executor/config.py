@@ -233,13 +233,15 @@ class ReachConfig:
         extent: Half the side of the sampled square around the table frame's origin, metres.
         step: Distance between samples, metres.
         lift_step: Distance between the heights that are tried while a hand rises, metres.
+        map_step: Distance between the samples of a reach map, metres.
         directions: How many directions of a hand a reach map samples over a whole turn.
     """
 
     extent: float = 0.30
     step: float = 0.03
     lift_step: float = 0.02
-    directions: int = 12
+    map_step: float = 0.04
+    directions: int = 8
 
 
 @dataclass(frozen=True)

@@ -389,6 +389,17 @@ def replay(
     print(f"written: {out}")
 
 
+@app.command()
+def reach(
+    robot: Annotated[Path | None, typer.Option(help="a robot's YAML; HIRO if none")] = None,
+    folder: Annotated[Path, typer.Option(help="reach-<cell>.npz and .png")] = Path("runs/reach"),
+) -> None:
+    """Compute where each arm can grasp and let go, once for each cell; print the file's path."""
+    from emd_cell.reach_command import write_reach_map
+
+    print(write_reach_map(robot, folder, console))
+
+
 @app.command(name="check-motion")
 def check_motion(
     plans: Annotated[int, typer.Option(min=1, help="how many random manipulations")] = 1000,

@@ -1,7 +1,7 @@
 """Moves a planned manipulation into the arms' reach, so that it can be executed (ours).
 
 The reach loss (paper, V-B) is one cost among others: where a goal asks for it, a search leaves the
-reach a little. What is left of that is taken back here, by projections onto the convex regions.
+reach a little. What is left of that is taken back here, by projections onto the arms' regions.
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from emd_planner.reach import ReachLoss, distance_to_polygon
+from emd_planner.arm_reach import Region
+from emd_planner.reach import ReachLoss
 from emd_planner.silhouette import onto_silhouette
 
 _ROUNDS = 200  # of projections onto the regions of two hands that share a displacement
-_INWARD = 1e-3  # of the way from the border to the region's middle, against rounding
 
 
 def into_reach(
@@ -38,12 +38,12 @@ def into_reach(
     regions = reach.regions_of(manipulation, used)
     grasps = manipulation[:4].view(2, 2).clone()
     for hand in used.nonzero().flatten().tolist():
-        grasps[hand] = _grasp_within(grasps[hand], regions[hand], silhouette)
+        grasps[hand] = _grasp_within(grasps[hand], regions[hand][0], silhouette)
     move = manipulation[4:]
     for _ in range(_ROUNDS):
         before = move
         for hand in used.nonzero().flatten().tolist():
-            move = _nearest_within(grasps[hand] + move, regions[hand]) - grasps[hand]
+            move = regions[hand][1].nearest(grasps[hand] + move) - grasps[hand]
         if torch.equal(move, before):
             break
     else:
@@ -51,23 +51,12 @@ def into_reach(
     return torch.cat([grasps.flatten(), move])
 
 
-def _grasp_within(point: Tensor, region: Tensor, silhouette: Tensor | None) -> Tensor:
-    inside = _nearest_within(point, region)
+def _grasp_within(point: Tensor, region: Region, silhouette: Tensor | None) -> Tensor:
+    inside = region.nearest(point)
     if silhouette is None or torch.equal(inside, point):
         return inside
     count = silhouette.shape[-1]
     axis = (torch.arange(count, device=point.device) + 0.5) * (2.0 / count) - 1.0
     centres = torch.stack(torch.meshgrid(axis, axis, indexing="ij"), -1)
-    reached = silhouette & (distance_to_polygon(centres, region) == 0.0)
+    reached = silhouette & (region.distance(centres) == 0.0)
     return onto_silhouette(inside[None], reached)[0] if reached.any() else inside
-
-
-def _nearest_within(point: Tensor, corners: Tensor) -> Tensor:
-    """Give the nearest place (2,) in a convex region, a little inside its border if beyond it."""
-    if distance_to_polygon(point, corners) == 0.0:
-        return point
-    edges = corners.roll(-1, 0) - corners
-    along = ((point - corners) * edges).sum(-1) / edges.square().sum(-1).clamp_min(1e-12)
-    places = corners + along.clamp(0.0, 1.0)[:, None] * edges
-    nearest = places[(places - point).square().sum(-1).argmin()]
-    return nearest + _INWARD * (corners.mean(0) - nearest)

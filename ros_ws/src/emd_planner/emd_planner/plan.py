@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from emd_core.errors import InvalidInputError, NoPlanError
+from emd_core.reach_map import ReachMap
 from emd_core.voxel_grid import VoxelGrid
 from emd_planner.config import PlannerConfig, Polygon, ReachConfig
 from emd_planner.fold_plan import FoldPlan, PlanningProgress
@@ -22,7 +23,7 @@ def plan(
     goal: VoxelGrid,
     steps: int,
     config: PlannerConfig | None = None,
-    reach: ReachConfig | None = None,
+    reach: ReachConfig | ReachMap | None = None,
     seed: int = 0,
     on_iteration: Callable[[PlanningProgress], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
@@ -63,7 +64,7 @@ def alternatives(
     steps: int,
     count: int,
     config: PlannerConfig | None = None,
-    reach: ReachConfig | None = None,
+    reach: ReachConfig | ReachMap | None = None,
     seed: int = 0,
     on_iteration: Callable[[PlanningProgress], None] | None = None,
     should_stop: Callable[[], bool] | None = None,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from torch import Tensor
 
 from emd_core.frames import FieldOfView
+from emd_core.reach_map import ReachMap
 from emd_planner.config import PlannerConfig, Polygon, ReachConfig
 from emd_planner.cost import (
     Term,
@@ -42,7 +43,7 @@ def plan_cost(
     initial: Tensor,
     goal: Tensor,
     field_of_view: FieldOfView,
-    reach: ReachConfig | None = None,
+    reach: ReachConfig | ReachMap | None = None,
     keep_out: Sequence[Polygon] = (),
 ) -> PlanCost:
     """Put the terms of a problem together.

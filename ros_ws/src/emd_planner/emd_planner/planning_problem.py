@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from emd_core.manipulation import Manipulation
+from emd_core.reach_map import ReachMap
 from emd_core.voxel_grid import VoxelGrid
 from emd_planner.config import PlannerConfig, Polygon, ReachConfig
 from emd_planner.cost import expected_goal_term, grasps_cloth, states_before
@@ -58,7 +59,7 @@ class PlanningProblem:
         initial: VoxelGrid,
         goal: VoxelGrid,
         config: PlannerConfig,
-        reach: ReachConfig | None = None,
+        reach: ReachConfig | ReachMap | None = None,
         keep_out: Sequence[Polygon] = (),
         on_iteration: Callable[[PlanningProgress], None] | None = None,
     ) -> None:

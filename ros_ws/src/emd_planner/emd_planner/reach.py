@@ -7,7 +7,12 @@ from torch import Tensor
 
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FieldOfView
+from emd_core.reach_map import ReachMap
+from emd_planner.arm_reach import ArmReach, PolygonReach, Region, cross, distance_to_polygon
 from emd_planner.config import Polygon, ReachConfig
+from emd_planner.reach_field import FieldReach
+
+__all__ = ["ReachLoss", "depth_in_polygon", "distance_to_polygon", "normalised_polygon"]
 
 
 def normalised_polygon(polygon: Polygon, field_of_view: FieldOfView) -> Tensor:
@@ -25,7 +30,7 @@ def normalised_polygon(polygon: Polygon, field_of_view: FieldOfView) -> Tensor:
     if _signed_area(corners) < 0.0:
         corners = corners.flip(0)
     edges = corners.roll(-1, 0) - corners
-    turns = _cross(edges, edges.roll(-1, 0))
+    turns = cross(edges, edges.roll(-1, 0))
     # Turning left at every corner admits a star that winds twice; its angles exceed one turn.
     angles = torch.atan2(turns, (edges * edges.roll(-1, 0)).sum(-1)).sum()
     if (turns < -1e-6).any() or angles > 1.5 * 2.0 * torch.pi or _signed_area(corners) < 1e-6:
@@ -33,26 +38,6 @@ def normalised_polygon(polygon: Polygon, field_of_view: FieldOfView) -> Tensor:
             f"a reach polygon must be convex with an area, got {polygon}; take its convex hull"
         )
     return corners
-
-
-def distance_to_polygon(points: Tensor, corners: Tensor) -> Tensor:
-    """Distance to a convex region, 0 inside, with a unit gradient outside.
-
-    Args:
-        points: Shape (..., 2).
-        corners: Counter-clockwise, shape (N, 2), same unit.
-
-    Returns:
-        Shape (...).
-    """
-    edges = corners.roll(-1, 0) - corners
-    relative = points[..., None, :] - corners
-    along = ((relative * edges).sum(-1) / (edges * edges).sum(-1).clamp_min(1e-12)).clamp(0, 1)
-    squared = (relative - along[..., None] * edges).square().sum(-1).amin(-1)
-    inside = (_cross(edges, relative) >= 0.0).all(-1)
-    # The root is taken of 1 inside, where its gradient would be infinite on the border.
-    distance = torch.where(inside, torch.ones_like(squared), squared).clamp_min(1e-16).sqrt()
-    return torch.where(inside, torch.zeros_like(distance), distance)
 
 
 def depth_in_polygon(points: Tensor, corners: Tensor) -> Tensor:
@@ -67,7 +52,7 @@ def depth_in_polygon(points: Tensor, corners: Tensor) -> Tensor:
     """
     edges = corners.roll(-1, 0) - corners
     lengths = edges.square().sum(-1).clamp_min(1e-12).sqrt()
-    depths = _cross(edges, points[..., None, :] - corners) / lengths
+    depths = cross(edges, points[..., None, :] - corners) / lengths
     return depths.amin(-1).clamp_min(0.0)
 
 
@@ -81,21 +66,27 @@ class ReachLoss:
 
     def __init__(
         self,
-        config: ReachConfig,
+        reach: ReachConfig | ReachMap,
         field_of_view: FieldOfView,
         device: torch.device,
         may_cross: bool = True,
     ) -> None:
-        """Prepare the regions.
+        """Prepare the regions: polygons, or the samples of a map with arms "left" and "right".
 
         Raises:
-            InvalidInputError: If a polygon is not convex.
+            InvalidInputError: If a polygon is not convex, or the map lacks an arm.
         """
         self._may_cross = may_cross
-        self._regions = [
-            normalised_polygon(polygon, field_of_view).to(device)
-            for polygon in (config.left, config.right)
-        ]
+        self._arms: list[ArmReach]
+        if isinstance(reach, ReachMap):
+            self._arms = [
+                FieldReach(reach, arm, field_of_view, device) for arm in ("left", "right")
+            ]
+        else:
+            self._arms = [
+                PolygonReach(normalised_polygon(polygon, field_of_view).to(device))
+                for polygon in (reach.left, reach.right)
+            ]
 
     def __call__(self, manipulations: Tensor, used: Tensor) -> Tensor:
         """Sum the distances of grasp and release points from their arms' regions.
@@ -112,24 +103,24 @@ class ReachLoss:
             self._crosses(manipulations, used, straight, crossed), crossed, straight
         )
 
-    def regions_of(self, manipulation: Tensor, used: Tensor) -> tuple[Tensor, Tensor]:
-        """Give the regions, corners (N, 2), of the arms to which the two hands go.
+    def regions_of(
+        self, manipulation: Tensor, used: Tensor
+    ) -> tuple[tuple[Region, Region], tuple[Region, Region]]:
+        """Give for each hand where its arm can grasp, and where it can release.
 
         Args:
             manipulation: Shape (6,), normalised.
             used: Which hands grasp cloth, boolean, shape (2,).
         """
         ways = self._both_ways(manipulation, used)
-        left, right = self._regions
+        left, right = (arm.regions(manipulation[4:]) for arm in self._arms)
         return (right, left) if self._crosses(manipulation, used, *ways) else (left, right)
 
     def _both_ways(self, manipulations: Tensor, used: Tensor) -> tuple[Tensor, Tensor]:
         """Sum the distances if the first hand goes to the left arm, and if to the right one."""
         grasps = manipulations[..., :4].unflatten(-1, (2, 2))
-        releases = grasps + manipulations[..., None, 4:]
         left, right = (
-            (distance_to_polygon(grasps, region) + distance_to_polygon(releases, region)) * used
-            for region in self._regions
+            arm.excess(grasps, manipulations[..., None, 4:]) * used for arm in self._arms
         )
         return left[..., 0] + right[..., 1], right[..., 0] + left[..., 1]
 
@@ -144,9 +135,5 @@ class ReachLoss:
         return torch.where(used.all(-1), ordered, nearer)
 
 
-def _cross(a: Tensor, b: Tensor) -> Tensor:
-    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-
-
 def _signed_area(corners: Tensor) -> Tensor:
-    return 0.5 * _cross(corners, corners.roll(-1, 0)).sum()
+    return 0.5 * cross(corners, corners.roll(-1, 0)).sum()

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from emd_core.errors import InvalidInputError
+from emd_core.reach_map import ReachMap
 from emd_planner.config import Polygon, ReachConfig
 
 
-def declare_reach(node: Node) -> ReachConfig | None:
-    """Read each arm's polygon, given as x0 y0 x1 y1 ... in metres; empty: no limit."""
+def declare_reach(node: Node) -> ReachConfig | ReachMap | None:
+    """Read the reach map that `reach.map` names, or each arm's polygon.
+
+    Polygons are given as x0 y0 x1 y1 ... in metres; empty: no limit.
+    """
+    text = "file of a reach map, as ./cell reach writes it; empty: the polygons count"
+    path = node.declare_parameter("reach.map", "", ParameterDescriptor(description=text)).value
     polygons = []
     for arm, default in vars(ReachConfig()).items():
         start = [float(value) for corner in default for value in corner]
@@ -23,6 +30,8 @@ def declare_reach(node: Node) -> ReachConfig | None:
                 f"reach.{arm} needs x y of at least three corners, got {len(values)} values"
             )
         polygons.append(_corners(values))
+    if path:
+        return ReachMap.load(Path(path))
     return ReachConfig(*polygons) if all(polygons) else None
 
 
