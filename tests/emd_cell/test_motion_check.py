@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from emd_arm_executor.executor import MotionExecutor
+from emd_arm_executor.mock_robot import MockRobot
 from emd_arm_executor.motion_plan import MotionPlan, Phase
 from emd_arm_executor.motion_planner import MotionPlanner
 from emd_arm_executor.robot_description import hiro_description
@@ -17,7 +19,7 @@ from emd_arm_executor.trajectory import TimedPath
 from emd_cell.motion_check.audit import audit_motion
 from emd_cell.motion_check.campaign import Campaign, check_task, run_campaign, summarise
 from emd_cell.motion_check.random_tasks import random_task
-from emd_core.errors import InvalidInputError
+from emd_core.errors import CancelledError, InvalidInputError
 
 # The first task of two hands that HIRO carries out, and the first in which its torso turns.
 TWO_HANDS, TURNED = 9, 2
@@ -105,6 +107,24 @@ def test_the_torso_helps_where_the_arms_do_not_reach(robot: RobotModel) -> None:
     config = replace(robot.config, grasp=replace(robot.config.grasp, torso_turns=()))
     record = check_task(robot, MotionPlanner(robot, config), task, TURNED)
     assert record["refused"] == "OutOfReachError" and not record["moved"]
+
+
+def test_a_cancelled_motion_brings_the_torso_home(robot: RobotModel) -> None:
+    """Stopped while it carries with the torso turned, the robot goes home, torso included."""
+    task, rest = random_task(0, TURNED), dict(robot.description.rest)
+    planner, mock = MotionPlanner(robot), MockRobot(dict(rest))
+    executor = MotionExecutor(mock, robot)
+    plan = planner.plan_motion(task.manipulation, task.silhouette, rest)
+    before = sum(phase.duration for phase in plan.phases[:2])
+    with pytest.raises(CancelledError):
+        executor.run(plan, None, lambda: mock.now() >= before + 0.5)
+    torso = robot.description.torso
+    assert torso is not None
+    assert abs(mock.joint_positions()[torso.joint_name] - rest[torso.joint_name]) > 0.2
+    executor.run(planner.plan_home(mock.joint_positions(), open_hands=True))
+    end = mock.joint_positions()
+    names = (torso.joint_name, *robot.joint_names(tuple(robot.arms)))
+    assert [end[name] for name in names] == pytest.approx([rest[n] for n in names], abs=1e-5)
 
 
 def test_a_campaign_goes_on_where_it_ended(robot: RobotModel, tmp_path: Path) -> None:

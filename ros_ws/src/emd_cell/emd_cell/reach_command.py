@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
@@ -14,6 +15,10 @@ from emd_arm_executor.robot_model import RobotModel
 from emd_core.frames import FloatArray
 from emd_core.reach_map import ReachMap
 from emd_core.whole_file import whole_file
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.image import AxesImage
 
 
 def write_reach_map(robot_file: Path | None, folder: Path, console: Console) -> Path:
@@ -63,7 +68,7 @@ def draw_reach_map(reach: ReachMap, path: Path) -> None:
         figure.savefig(temporary, dpi=110)
 
 
-def _draw(axes, reach: ReachMap, share: FloatArray):  # type: ignore[no-untyped-def]
+def _draw(axes: Axes, reach: ReachMap, share: FloatArray) -> AxesImage:
     """Show one arm as the head camera sees the table: x down, y to the right."""
     edge = reach.axis[-1] + reach.step / 2.0
     image = axes.imshow(share, extent=(-edge, edge, edge, -edge), vmin=0.0, vmax=1.0)
