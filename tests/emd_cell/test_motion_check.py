@@ -22,7 +22,7 @@ from emd_cell.motion_check.random_tasks import random_task
 from emd_core.errors import CancelledError, InvalidInputError
 
 # The first task of two hands that HIRO carries out, and the first in which its torso turns.
-TWO_HANDS, TURNED = 9, 2
+TWO_HANDS, TURNED, KNOTS = 9, 2, 154
 
 
 @pytest.fixture(scope="module")
@@ -63,6 +63,13 @@ def test_a_planned_motion_passes(robot: RobotModel, plan: MotionPlan) -> None:
     audit = audit_motion(robot, plan, robot.description.rest)
     assert audit.passed, audit
     assert audit.checked > 500
+
+
+def test_limits_hold_at_the_knots_too(robot: RobotModel) -> None:
+    """A task whose jerk once stood out by 0.2 % between two instants that were checked."""
+    task, rest = random_task(0, KNOTS), dict(robot.description.rest)
+    plan = MotionPlanner(robot).plan_motion(task.manipulation, task.silhouette, rest)
+    assert audit_motion(robot, plan, rest).jerk <= 1.0
 
 
 def test_haste_is_noticed(robot: RobotModel, plan: MotionPlan) -> None:

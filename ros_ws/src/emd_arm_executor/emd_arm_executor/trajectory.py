@@ -24,6 +24,8 @@ _CHECKS = 300
 # Time between the instants of the last check, seconds, and what is kept free beyond it.
 _FINE_CHECK = 1e-3
 _SPARE = 1e-3
+# How far to either side of a jump of the jerk it is looked at, seconds.
+_ASIDE = 2e-5
 # What `time_path` tries: widths of smoothing, and shares of acceleration and jerk.
 _WINDOWS = (0.02, 0.035, 0.06)
 _SHARES = (1.0, 0.6)
@@ -109,9 +111,11 @@ def time_path(path: JointPath, limits: MotionLimits, max_speed: float | None = N
 def _within(timed: TimedPath, limits: MotionLimits) -> TimedPath:
     """Slow a motion down by the little that it exceeds the limits by between coarse instants."""
     profile = timed.profile
-    count = int(np.ceil(timed.duration / _FINE_CHECK)) + 1
-    jumps = np.concatenate([profile.starts, profile.starts[1:] - 1e-9, [profile.duration]])
-    instants = np.concatenate([np.linspace(0.0, timed.duration, count), jumps])
+    even = np.linspace(0.0, timed.duration, int(np.ceil(timed.duration / _FINE_CHECK)) + 2)
+    # The jerk jumps between the profile's pieces, and at the spline's knots.
+    knots = np.interp(timed.path.spline.x, profile.sample(even)[0], even)
+    jumps = np.concatenate([profile.starts, knots])
+    instants = np.concatenate([even, jumps - _ASIDE, jumps + _ASIDE])
     velocity, excess, sudden = limits.excess(*timed.joint_motion(instants)[1:])
     slower = max(velocity, excess ** (1 / 2), sudden ** (1 / 3)) * (1.0 + _SPARE)
     return timed if slower <= 1.0 else TimedPath(timed.path, profile.slowed(slower))
