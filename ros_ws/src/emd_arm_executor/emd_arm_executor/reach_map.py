@@ -35,8 +35,8 @@ def compute_reach_map(
     """
     reach = robot.config.reach
     count = int(round(2.0 * reach.extent / reach.map_step))
-    axis = np.linspace(-reach.extent, reach.extent, count + 1)
-    yaws = np.arange(reach.directions) * (2.0 * np.pi / reach.directions)
+    axis: FloatArray = np.linspace(-reach.extent, reach.extent, count + 1)
+    yaws: FloatArray = np.arange(reach.directions) * np.float64(2.0 * np.pi / reach.directions)
     shape = (len(robot.arms), len(yaws), len(axis), len(axis))
     grasp, release = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
     columns = [(a, k) for a in range(shape[0]) for k in range(shape[1])]

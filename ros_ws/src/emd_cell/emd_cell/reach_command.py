@@ -56,7 +56,6 @@ def draw_reach_map(reach: ReachMap, path: Path) -> None:
     count = len(reach.arms) + 1
     figure = Figure(figsize=(3.2 * count, 6.4), layout="constrained")
     axes = figure.subplots(2, count, squeeze=False)
-    image = None
     for row, (what, masks) in enumerate((("grasp", reach.grasp), ("release", reach.release))):
         shares = [*masks.mean(axis=1), masks.all(axis=0).mean(axis=0)]
         for column, share in enumerate(shares):
