@@ -5,8 +5,8 @@ poses, one after the other. A pose counts as solved within 1 mm and 0.5 degrees,
 Warm: each point of straight lines of 0.15 m from the point before. Motions are the random
 manipulations of `./cell check-motion` that can be carried out, with one hand or two. Inverse
 kinematics is timed in time of the process, since other work may run beside; motions in that and in
-time of the wall clock. PyBullet gets a model with all other joints fixed,
-and one try without limits: with its null-space limits it solved none of 100.
+time of the wall clock. PyBullet gets a model with all other joints fixed and one try without
+limits: with its null-space limits it solved none of 100.
 """
 
 from __future__ import annotations
