@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 from geometry_msgs.msg import Point, Vector3
+from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 
 from emd_core.errors import CellError, ErrorCode, InvalidInputError, error_from_code
 from emd_core.frames import FieldOfView, transform_from_pose
+from emd_core.lens_distortion import LensDistortion
 from emd_core.manipulation import Manipulation
 from emd_core.pinhole_camera import PinholeCamera
 from emd_core.ros import conversions
@@ -16,6 +18,7 @@ from emd_msgs_py.msg import Manipulation as ManipulationMsg
 from emd_msgs_py.msg import VoxelGrid as VoxelGridMsg
 
 HEADER = Header(frame_id=conversions.TABLE_FRAME)
+CAMERA = PinholeCamera(640, 480, 525.0, 530.0, 319.0, 241.0)
 
 
 def random_grid() -> VoxelGrid:
@@ -156,3 +159,20 @@ def test_every_code_comes_back_as_its_own_error() -> None:
     """What a node reports by number, its caller raises as the same class."""
     for kind in CellError.__subclasses__():
         assert type(error_from_code(kind.code, "text")) is kind
+
+
+def test_a_lens_goes_there_and_back_again() -> None:
+    """Model and coefficients stay; all zero, and none at all, mean no distortion."""
+    lens = LensDistortion("rational_polynomial", (0.1, -0.2, 0.0, 0.001, 0.03, 0.1, 0.0, 0.2))
+    message = conversions.camera_to_message(CAMERA, HEADER, lens)
+    assert conversions.lens_from_message(message) == lens
+    assert conversions.camera_from_message(message) == CAMERA
+    assert conversions.lens_from_message(conversions.camera_to_message(CAMERA, HEADER)).is_none
+    assert conversions.lens_from_message(CameraInfo()).is_none
+
+
+def test_a_lens_of_an_unknown_model_is_refused() -> None:
+    """The error lists the models."""
+    message = CameraInfo(distortion_model="mine", d=[0.1, 0.2])
+    with pytest.raises(InvalidInputError, match="plumb_bob"):
+        conversions.lens_from_message(message)

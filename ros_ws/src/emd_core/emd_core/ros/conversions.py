@@ -11,15 +11,18 @@ from builtin_interfaces.msg import Duration as DurationMsg
 from builtin_interfaces.msg import Time as TimeMsg
 from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 from numpy.typing import NDArray
-from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
+from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FieldOfView, FloatArray, pose_from_transform, transform_from_pose
+from emd_core.lens_distortion import LensDistortion
 from emd_core.manipulation import Manipulation
 from emd_core.pinhole_camera import PinholeCamera
+from emd_core.ros.point_clouds import points_from_message as points_from_message
+from emd_core.ros.point_clouds import points_to_message as points_to_message
 from emd_core.voxel_grid import VoxelGrid
 from emd_msgs_py.msg import Manipulation as ManipulationMsg
 from emd_msgs_py.msg import VoxelGrid as VoxelGridMsg
@@ -229,60 +232,36 @@ def camera_from_message(message: Any) -> PinholeCamera:
     return PinholeCamera(int(message.width), int(message.height), k[0], k[4], k[2], k[5])
 
 
-def camera_to_message(camera: PinholeCamera, message_header: Header) -> CameraInfo:
-    """Describe an undistorted pinhole camera."""
+def lens_from_message(message: Any) -> LensDistortion:
+    """Read the distortion of a CameraInfo; none if all its coefficients are zero.
+
+    Raises:
+        InvalidInputError: If model and coefficients do not fit together.
+    """
+    coefficients = tuple(
+        float(value) for value in getattr(message, "d", getattr(message, "D", []))
+    )
+    if not any(coefficients):  # drivers of straight images leave model or coefficients out
+        return LensDistortion()
+    return LensDistortion(str(message.distortion_model), coefficients)
+
+
+def camera_to_message(
+    camera: PinholeCamera, message_header: Header, lens: LensDistortion | None = None
+) -> CameraInfo:
+    """Describe a camera; without distortion if no lens is given."""
     fx, fy, cx, cy = camera.fx, camera.fy, camera.cx, camera.cy
+    bent = lens or LensDistortion()
     return CameraInfo(
         header=message_header,
         height=camera.height,
         width=camera.width,
-        distortion_model="plumb_bob",
-        d=[0.0] * 5,
+        distortion_model=bent.model,
+        d=list(bent.coefficients) or [0.0] * 5,
         k=[fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
         r=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
         p=[fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
     )
-
-
-def points_to_message(points: FloatArray, message_header: Header) -> PointCloud2:
-    """Convert points (N, 3) in metres."""
-    values = np.ascontiguousarray(points, dtype=np.float32)
-    fields = [
-        PointField(name=name, offset=4 * index, datatype=PointField.FLOAT32, count=1)
-        for index, name in enumerate("xyz")
-    ]
-    return PointCloud2(
-        header=message_header,
-        height=1,
-        width=len(values),
-        fields=fields,
-        is_bigendian=sys.byteorder == "big",
-        point_step=12,
-        row_step=12 * len(values),
-        data=byte_array(values),
-        is_dense=True,
-    )
-
-
-def points_from_message(message: PointCloud2) -> FloatArray:
-    """Read points (N, 3) that `points_to_message` wrote.
-
-    Raises:
-        InvalidInputError: If the layout is another one or data are missing.
-    """
-    names = [field.name for field in message.fields[:3]]
-    if names != ["x", "y", "z"] or message.point_step != 12:
-        raise InvalidInputError(
-            f"a cloud of packed float32 x y z is needed, got fields {names} in steps of "
-            f"{message.point_step} bytes"
-        )
-    data = np.frombuffer(bytes(message.data), dtype=np.float32)
-    if data.size != 3 * message.width * message.height:
-        raise InvalidInputError(
-            f"{message.width * message.height} points need {12 * message.width * message.height} "
-            f"bytes, got {data.nbytes}"
-        )
-    return data.reshape(-1, 3).astype(np.float64)
 
 
 def pose_to_message(transform: FloatArray) -> Pose:
