@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
 from emd_core.errors import InvalidInputError
+from emd_core.value_ranges import bounded, check_ranges
 
 
 def _require(condition: bool, config: object, name: str, wanted: str) -> None:
@@ -60,19 +61,19 @@ class SegmentationConfig:
     iterations: int = 2
     refined_band: int = 3
     chroma_gain: float = 2.5
-    chroma_floor: float = 2.0
-    lightness_floor: float = 16.0
-    height_floor: float = 0.0006
-    border_share: float = 0.6
-    min_contrast: float = 3.5
-    max_contrast: float = 5.0
-    max_height: float = 0.09
-    max_height_step: float = 0.025
-    min_area: float = 0.004
-    max_area: float = 1.5
-    max_hole_area: float = 0.002
-    min_quality: float = 0.2
-    region_margin: float = 0.2
+    chroma_floor: float = bounded(2.0, 0.01, 100.0)
+    lightness_floor: float = bounded(16.0, 0.01, 100.0)
+    height_floor: float = bounded(0.0006, 1e-5, 0.1)
+    border_share: float = bounded(0.6, 0.0, 1.0)
+    min_contrast: float = bounded(3.5, 0.1, 100.0)
+    max_contrast: float = bounded(5.0, 0.1, 100.0)
+    max_height: float = bounded(0.09, 0.001, 1.0)
+    max_height_step: float = bounded(0.025, 0.001, 1.0)
+    min_area: float = bounded(0.004, 1e-6, 10.0)
+    max_area: float = bounded(1.5, 1e-6, 100.0)
+    max_hole_area: float = bounded(0.002, 1e-6, 10.0)
+    min_quality: float = bounded(0.2, 0.0, 1.0)
+    region_margin: float = bounded(0.2, 0.0, 10.0)
     random_seed: int = 0
 
     def __post_init__(self) -> None:
@@ -84,11 +85,8 @@ class SegmentationConfig:
         _require(self.working_pixels >= 1024, self, "working_pixels", "at least 1024")
         _require(self.iterations >= 1, self, "iterations", "at least 1")
         _require(self.refined_band >= 0, self, "refined_band", "0 or more")
-        others = {"working_pixels", "iterations", "refined_band", "region_margin"}
-        others |= {"random_seed", "min_quality"}
-        _require_positive(self, *(f.name for f in fields(self) if f.name not in others))
-        _require_share(self, "border_share", "min_quality")
-        _require(self.region_margin >= 0, self, "region_margin", "0 or more")
+        _require_positive(self, "chroma_gain")
+        check_ranges(self)
         _require(
             self.max_contrast >= self.min_contrast, self, "max_contrast", "min_contrast or up"
         )
@@ -110,13 +108,13 @@ class PlaneConfig:
         random_seed: Seed of RANSAC.
     """
 
-    distance_threshold: float = 0.008
-    iterations: int = 100
-    max_points: int = 6000
-    min_inlier_share: float = 0.5
-    max_tilt: float = 0.08
-    max_offset: float = 0.03
-    random_seed: int = 0
+    distance_threshold: float = bounded(0.008, 1e-4, 0.1)
+    iterations: int = bounded(100, 1, 100_000)
+    max_points: int = bounded(6000, 100, 10_000_000)
+    min_inlier_share: float = bounded(0.5, 0.0, 1.0)
+    max_tilt: float = bounded(0.08, 1e-4, 1.6)
+    max_offset: float = bounded(0.03, 1e-4, 1000.0)
+    random_seed: int = bounded(0, 0, 2**31 - 1)
 
     def __post_init__(self) -> None:
         """Check the ranges.
@@ -124,10 +122,7 @@ class PlaneConfig:
         Raises:
             InvalidInputError: If a value is out of its range.
         """
-        _require_positive(self, "distance_threshold", "max_tilt", "max_offset")
-        _require(self.iterations >= 1, self, "iterations", "at least 1")
-        _require(self.max_points >= 100, self, "max_points", "at least 100")
-        _require_share(self, "min_inlier_share")
+        check_ranges(self)
 
 
 @dataclass(frozen=True)
@@ -180,12 +175,12 @@ class FusionConfig:
         max_motion_share: More moving pixels than this share of the region spoil the average.
     """
 
-    frames: int = 10
-    trimmed_share: float = 0.2
-    min_valid_share: float = 0.3
-    motion_depth: float = 0.012
-    motion_colour: float = 16.0
-    max_motion_share: float = 0.01
+    frames: int = bounded(10, 1, 1000)
+    trimmed_share: float = bounded(0.2, 0.0, 0.49)
+    min_valid_share: float = bounded(0.3, 0.0, 1.0)
+    motion_depth: float = bounded(0.012, 1e-4, 1.0)
+    motion_colour: float = bounded(16.0, 0.1, 255.0)
+    max_motion_share: float = bounded(0.01, 0.0, 1.0)
 
     def __post_init__(self) -> None:
         """Check the ranges.
@@ -193,10 +188,7 @@ class FusionConfig:
         Raises:
             InvalidInputError: If a value is out of its range.
         """
-        _require(self.frames >= 1, self, "frames", "at least 1")
-        _require(0.0 <= self.trimmed_share < 0.5, self, "trimmed_share", "in 0..0.5, below 0.5")
-        _require_share(self, "min_valid_share", "max_motion_share")
-        _require_positive(self, "motion_depth", "motion_colour")
+        check_ranges(self)
 
 
 @dataclass(frozen=True)
