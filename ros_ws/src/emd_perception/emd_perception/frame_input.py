@@ -84,6 +84,21 @@ class CalibratedCamera:
         return CalibratedCamera(self.camera)
 
 
+@dataclass(frozen=True)
+class Frame:
+    """Colour and depth of one moment, straight and registered.
+
+    Attributes:
+        colour: Shape (H, W, 3), RGB uint8.
+        depth: Shape (H, W), metres, NaN where unknown.
+        camera: Of both.
+    """
+
+    colour: ColourImage
+    depth: DepthImage
+    camera: PinholeCamera
+
+
 class FrameAligner:
     """Straightens colour and registers depth to it; keeps its tables while the cameras stay."""
 

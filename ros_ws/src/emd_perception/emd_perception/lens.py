@@ -70,17 +70,17 @@ class ColourRectifier:
     """Turns pictures of a distorting lens into those of a pinhole camera with the same K."""
 
     def __init__(self, camera: PinholeCamera, lens: LensDistortion) -> None:
-        """Prepare the tables for one camera."""
+        """Take the camera; its tables are made with the first picture."""
+        self._camera, self._lens = camera, lens
         self._maps: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
-        if lens.is_none:
-            return
-        straight = pixel_directions(camera, LensDistortion()).reshape(-1, 2)
-        sources = distort_points(straight, camera, lens).astype(np.float32)
-        shape = (camera.height, camera.width)
-        self._maps = (sources[:, 0].reshape(shape), sources[:, 1].reshape(shape))
 
     def rectify(self, colour: ColourImage) -> ColourImage:
         """Straighten a picture, shape (H, W, 3); what the lens did not see becomes black."""
-        if self._maps is None:
+        if self._lens.is_none:
             return colour
+        if self._maps is None:
+            straight = pixel_directions(self._camera, LensDistortion()).reshape(-1, 2)
+            sources = distort_points(straight, self._camera, self._lens).astype(np.float32)
+            shape = (self._camera.height, self._camera.width)
+            self._maps = (sources[:, 0].reshape(shape), sources[:, 1].reshape(shape))
         return np.asarray(cv2.remap(colour, *self._maps, cv2.INTER_LINEAR), dtype=np.uint8)

@@ -1,0 +1,1 @@
+"""Where the camera is: from a printed board on the table and the table's plane."""
