@@ -1,4 +1,4 @@
-"""The perception node: colour and depth images in, the cloth's voxel grid out."""
+"""The perception node: a camera's messages in, the cloth's voxel grid out."""
 
 from __future__ import annotations
 
@@ -6,31 +6,42 @@ import sys
 import threading
 import time
 from dataclasses import dataclass
-from functools import partial
-from typing import Any
+from pathlib import Path
 
 from geometry_msgs.msg import PoseStamped
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, qos_profile_sensor_data
-from sensor_msgs.msg import CameraInfo, Image
 
-from emd_core.errors import CellError, NoObservationError
+from emd_core.errors import CellError, InvalidInputError
 from emd_core.frames import FieldOfView
-from emd_core.pair_matcher import PairMatcher
 from emd_core.ros import conversions
-from emd_core.ros.parameters import declare_config
+from emd_core.ros.parameters import LiveConfig, declare_config
 from emd_core.ros.quality_of_service import LATCHED
 from emd_core.ros.results import set_error
 from emd_core.ros.spin import spin_node
 from emd_core.ros.worker import SingleWorker
+from emd_core.value_ranges import bounded, check_ranges
 from emd_msgs_py.srv import CaptureState
+from emd_perception.calibration.calibration import Calibration
+from emd_perception.calibration.check import CheckConfig
 from emd_perception.config import PerceptionConfig
-from emd_perception.depth_image import depth_in_metres
+from emd_perception.frame_input import InputConfig
+from emd_perception.health import Health
 from emd_perception.open3d_library import load_open3d
-from emd_perception.pipeline import Perception, perceive_frames
+from emd_perception.perception import Perception
+from emd_perception.ros import camera_topics
 from emd_perception.ros.frame_buffer import FrameBuffer
+from emd_perception.ros.frame_decoder import FrameDecoder
 from emd_perception.ros.frame_pair import FramePair
+from emd_perception.ros.frame_source import FrameSource
 from emd_perception.ros.perception_publisher import PerceptionPublisher, perception_messages
+from emd_perception.session import PerceptionSession
+from emd_perception.stream_statistics import StreamStatistics
+from emd_perception.table_tracker import TrackerConfig
+from emd_perception.table_watch import TableWatch
+
+_HEALTH_PERIOD = 1.0  # seconds
+_AT_START = ("reliable", "sync_tolerance", "calibration")
 
 
 @dataclass(frozen=True)
@@ -40,17 +51,32 @@ class PerceptionNodeConfig:
     Attributes:
         max_rate: Frames processed a second at most while streaming; 0: as many as it can.
         reliable: Whether lost images are sent again. Without, any camera driver will do, but on a
-            busy machine images are lost: one is larger than Fast DDS's shared memory.
-        sync_tolerance: Largest difference of the stamps of colour and depth, seconds.
+            busy machine images are lost: one is larger than Fast DDS's shared memory. Set at
+            the start.
+        sync_tolerance: Largest difference of the stamps of colour and depth, seconds. Set at the
+            start.
         capture_frames: Depth frames that a capture fuses unless the request says otherwise.
         capture_timeout: Seconds that a capture waits for them unless the request says otherwise.
+        camera_timeout: Seconds without a pair of images after which the camera counts as lost.
+        calibration: File that `./cell calibrate` wrote; it goes before the topic camera/pose.
+            Set at the start.
     """
 
-    max_rate: float = 5.0
+    max_rate: float = bounded(30.0, 0.0, 1000.0)
     reliable: bool = False
-    sync_tolerance: float = 0.02
-    capture_frames: int = 10
-    capture_timeout: float = 40.0
+    sync_tolerance: float = bounded(0.02, 0.0, 1.0)
+    capture_frames: int = bounded(10, 1, 1000)
+    capture_timeout: float = bounded(40.0, 0.1, 3600.0)
+    camera_timeout: float = bounded(2.0, 0.1, 3600.0)
+    calibration: str = ""
+
+    def __post_init__(self) -> None:
+        """Check the ranges.
+
+        Raises:
+            InvalidInputError: If a value is out of its range.
+        """
+        check_ranges(self)
 
 
 class PerceptionNode(Node):
@@ -59,16 +85,21 @@ class PerceptionNode(Node):
     def __init__(self) -> None:
         """Declare parameters, topics and the capture service."""
         super().__init__("perception")
-        self._config = declare_config(self, PerceptionNodeConfig(), "node.")
-        self._core_config = declare_config(self, PerceptionConfig())
-        self._field_of_view = declare_config(self, FieldOfView(), "field_of_view.")
-        self._pairs = PairMatcher[Image](("colour", "depth"), self._config.sync_tolerance)
-        self._camera: Any = None
+        self._config = LiveConfig(self, PerceptionNodeConfig(), "node.", self._check_change)
+        self._core_config = LiveConfig(self, PerceptionConfig())
+        self._field_of_view = LiveConfig(self, FieldOfView(), "field_of_view.")
+        source = declare_config(self, InputConfig(), "input.", read_only=True)
+        self._session = PerceptionSession(self._make_watch())
         self._camera_pose: PoseStamped | None = None
-        self._buffer = FrameBuffer()
+        self._buffer, self._statistics = FrameBuffer(), StreamStatistics()
+        self._decoder = FrameDecoder(source)
         load_open3d()  # takes a second, in which the first frames would be lost
-        self._subscribe()
         self._publisher = PerceptionPublisher(self)
+        self.create_subscription(PoseStamped, camera_topics.POSE, self._on_pose, LATCHED)
+        start = self._config.value
+        self._source = FrameSource(
+            self, source, self._on_pair, start.sync_tolerance, start.reliable
+        )
         self._worker = SingleWorker(self, "capturing")
         self.create_service(
             CaptureState,
@@ -76,48 +107,64 @@ class PerceptionNode(Node):
             self._on_capture,
             callback_group=self._worker.callback_group,
         )
-        threading.Thread(target=self._stream, daemon=True).start()
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(_HEALTH_PERIOD, self._report_health, clock=steady)
+        self._stopping = threading.Event()
+        self._streamer = threading.Thread(target=self._stream, daemon=True)
+        self._streamer.start()
 
-    def _subscribe(self) -> None:
-        sensor = QoSProfile(depth=5) if self._config.reliable else qos_profile_sensor_data
-        # Before the images: of several messages that wait, those of the first subscription are
-        # handled first, so an image never meets a calibration older than itself.
-        self.create_subscription(CameraInfo, "camera/color/camera_info", self._on_info, sensor)
-        self.create_subscription(PoseStamped, "camera/pose", self._on_pose, LATCHED)
-        for kind, topic in (
-            ("colour", "camera/color/image_raw"),
-            ("depth", "camera/depth_registered/image_raw"),
-        ):
-            self.create_subscription(Image, topic, partial(self._on_image, kind), sensor)
+    def destroy_node(self) -> None:
+        """Let the frame in work be finished, then the node."""
+        self._stopping.set()
+        self._streamer.join(timeout=10.0)
+        super().destroy_node()
 
-    def _on_info(self, message: CameraInfo) -> None:
-        self._camera = message
+    def _make_watch(self) -> TableWatch:
+        file = self._config.value.calibration
+        return TableWatch(
+            Calibration.load(Path(file)) if file else None,
+            declare_config(self, TrackerConfig(), "tracker.", read_only=True),
+            declare_config(self, CheckConfig(), "calibration_check.", read_only=True),
+        )
+
+    def _check_change(self, wanted: PerceptionNodeConfig) -> None:
+        for name in _AT_START:
+            if getattr(wanted, name) != getattr(self._config.value, name):
+                raise InvalidInputError(f"node.{name} is set when the node starts; start it anew")
 
     def _on_pose(self, message: PoseStamped) -> None:
         self._camera_pose = message
 
-    def _on_image(self, kind: str, message: Image) -> None:
-        stamp = conversions.time_from_message(message.header.stamp)
-        pair = self._pairs.add(kind, stamp, message)
-        if pair is not None:
-            self._buffer.add(FramePair(*pair))
+    def _on_pair(self, pair: FramePair) -> None:
+        self._statistics.arrived()
+        self._buffer.add(pair)
 
     def _stream(self) -> None:
         """Process the newest pair, again and again; what cannot be served in time is dropped."""
-        while self.context.ok():
+        while self.context.ok() and not self._stopping.is_set():
             pair = self._buffer.take(timeout=0.5)
             if pair is None or self._buffer.collecting:
                 continue
             started = time.monotonic()
-            try:
-                self._publisher.publish(self._perceive([pair]), pair, self._buffer.dropped)
-            except CellError as err:
-                self._publisher.report_failure(str(err), pair, self._buffer.dropped)
-            except Exception as err:  # a fault of ours must not end the stream
-                self.get_logger().error(f"{type(err).__name__}: {err}")
-                self._publisher.report_failure(repr(err), pair, self._buffer.dropped)
-            if self._config.max_rate > 0:
-                time.sleep(max(0.0, started + 1.0 / self._config.max_rate - time.monotonic()))
+            self._serve(pair, started)
+            rate = self._config.value.max_rate
+            if rate > 0:
+                time.sleep(max(0.0, started + 1.0 / rate - time.monotonic()))
+
+    def _serve(self, pair: FramePair, started: float) -> None:
+        complaint = ""
+        try:
+            self._publisher.publish(self._perceive([pair]), pair, self._buffer.dropped)
+        except CellError as err:
+            complaint = str(err)
+        except Exception as err:  # a fault of ours must not end the stream
+            self.get_logger().error(f"{type(err).__name__}: {err}")
+            complaint = repr(err)
+        if complaint:
+            self._publisher.report_failure(complaint, pair, self._buffer.dropped)
+        age = self.get_clock().now().nanoseconds * 1e-9 - pair.stamp
+        worked = time.monotonic() - started
+        self._statistics.served(age, started - pair.arrival, worked, bool(complaint))
 
     async def _on_capture(
         self, request: CaptureState.Request, response: CaptureState.Response
@@ -131,9 +178,9 @@ class PerceptionNode(Node):
         self, request: CaptureState.Request, response: CaptureState.Response
     ) -> CaptureState.Response:
         pairs = self._buffer.collect(
-            request.frames or self._config.capture_frames,
+            request.frames or self._config.value.capture_frames,
             since=self.get_clock().now().nanoseconds * 1e-9,
-            timeout=request.timeout or self._config.capture_timeout,
+            timeout=request.timeout or self._config.value.capture_timeout,
         )
         perception = self._perceive(pairs)
         self._publisher.publish(perception, pairs[-1], self._buffer.dropped)
@@ -145,25 +192,30 @@ class PerceptionNode(Node):
         return response
 
     def _perceive(self, pairs: list[FramePair]) -> Perception:
-        if self._camera is None:
-            raise NoObservationError(
-                "images came, but no calibration on camera/color/camera_info; publish it"
-            )
         pose = self._camera_pose
-        return perceive_frames(
-            [conversions.rgb_from_message(pair.colour) for pair in pairs],
+        return self._session.perceive(
             [
-                depth_in_metres(
-                    conversions.image_from_message(pair.depth), encoding=pair.depth.encoding
-                )
+                self._decoder.decode(pair.colour, pair.depth, pair.info, pair.depth_info)
                 for pair in pairs
             ],
-            conversions.camera_from_message(self._camera),
             None if pose is None else conversions.transform_from_pose_message(pose.pose),
-            self._core_config,
-            # Without a pose there is no cell to keep to: the field of view may grow to the cloth.
-            None if pose is None else self._field_of_view,
+            pairs[-1].stamp,
+            self._core_config.value,
+            self._field_of_view.value,
         )
+
+    def _report_health(self) -> None:
+        camera = self._source.health(self._config.value.camera_timeout)
+        figures = {
+            **camera.values,
+            **self._statistics.figures(),
+            "frames_dropped": str(self._buffer.dropped),
+        }
+        reports = [
+            Health(camera.part, camera.level, camera.text, figures),
+            *self._session.watch.health(),
+        ]
+        self._publisher.report_health(reports, self.get_clock().now().to_msg())
 
 
 def main() -> int:

@@ -14,6 +14,7 @@ from visualization_msgs.msg import MarkerArray
 from emd_core.ros import conversions
 from emd_core.ros.markers import voxel_marker
 from emd_msgs_py.msg import VoxelGrid as VoxelGridMsg
+from emd_perception.health import Health
 from emd_perception.pipeline import Perception
 from emd_perception.ros.frame_pair import FramePair
 
@@ -38,8 +39,12 @@ def perception_messages(perception: Perception, pair: FramePair) -> PerceptionMe
     )
 
 
+CLOTH = "perception: cloth"
+"""Name of the diagnostic status that says what became of each pair of images."""
+
+
 class PerceptionPublisher:
-    """Publishes a perception, or why there is none."""
+    """Publishes a perception, or why there is none, and how perception itself is."""
 
     def __init__(self, node: Node) -> None:
         """Advertise the topics."""
@@ -75,11 +80,26 @@ class PerceptionPublisher:
         values = {"grid": "no", "frames_dropped": str(dropped)}
         self._report(pair, DiagnosticStatus.ERROR, reason, values)
 
+    def report_health(self, reports: list[Health], stamp: Any) -> None:
+        """Say on /diagnostics how the parts of perception are."""
+        status = [
+            DiagnosticStatus(
+                level=bytes([one.level]),
+                name=f"perception: {one.part}",
+                message=one.text,
+                hardware_id=self._name,
+                values=[KeyValue(key=key, value=value) for key, value in one.values.items()],
+            )
+            for one in reports
+        ]
+        table = conversions.header(stamp, conversions.TABLE_FRAME)
+        self._diagnostics.publish(DiagnosticArray(header=table, status=status))
+
     def _report(self, pair: FramePair, level: bytes, text: str, values: dict[str, str]) -> None:
         """Say on /diagnostics what became of a pair; stamped like its colour image."""
         status = DiagnosticStatus(
             level=level,
-            name="perception: cloth",
+            name=CLOTH,
             message=text,
             hardware_id=self._name,
             values=[KeyValue(key=key, value=value) for key, value in values.items()],
