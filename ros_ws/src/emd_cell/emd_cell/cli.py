@@ -14,6 +14,7 @@ import typer
 from rich.console import Console
 from typer.core import TyperCommand
 
+from emd_cell.camera_commands import add_commands as add_camera_commands
 from emd_core.errors import CellError, ErrorCode
 
 app = typer.Typer(
@@ -366,27 +367,7 @@ def export_data(
     print(f"{export_authors_file(directory, out)} sequences written: {out}")
 
 
-@app.command()
-def replay(
-    bag: Annotated[Path, typer.Argument(help="rosbag2 directory, mcap or sqlite3")],
-    out: Annotated[Path, typer.Option(help="voxel grids and summary.json")] = Path("runs/replay"),
-    color: Annotated[str, typer.Option(help="topic")] = "/camera/color/image_raw",
-    depth: Annotated[str, typer.Option(help="topic")] = "/camera/depth_registered/image_raw",
-    info: Annotated[str, typer.Option(help="topic")] = "/camera/color/camera_info",
-    pose: Annotated[str, typer.Option(help="topic, may be missing")] = "/camera/pose",
-) -> None:
-    """Play a bag through the perception node and keep its grids."""
-    from emd_cell.bag_reader import BagTopics
-    from emd_cell.replay_command import run_replay
-
-    summary = run_replay(bag, BagTopics(color, depth, info, pose), out, console)
-    print(
-        f"{summary.frames} pairs of images, {len(summary.grids)} grids, {len(summary.skipped)} "
-        f"skipped, {summary.unpaired} images without a partner"
-    )
-    for entry in summary.skipped[:5]:
-        print(f"skipped at {entry['stamp']}: {entry['reason']}", file=sys.stderr)
-    print(f"written: {out}")
+add_camera_commands(app, console)
 
 
 @app.command()

@@ -2,69 +2,71 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
+from numpy.typing import NDArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import CameraInfo, Image
 
+from emd_cell.bag_frames import PAIR_TOLERANCE, required_topics
 from emd_cell.bag_reader import BagMessage, BagReader, BagTopics
-from emd_core.errors import DeadlineError
+from emd_cell.replay_clock import ReplayClock
+from emd_cell.replay_summary import ContactSheet, ReplaySummary
+from emd_core.errors import CellError, DeadlineError
 from emd_core.pair_matcher import PairMatcher
 from emd_core.ros import conversions
 from emd_core.ros.quality_of_service import LATCHED
 from emd_core.voxel_grid import VoxelGrid
-from emd_core.whole_file import write_text
 from emd_msgs_py.msg import VoxelGrid as VoxelGridMsg
+from emd_perception.frame_input import DepthSource, InputConfig
+from emd_perception.ros import camera_topics
+from emd_perception.ros.perception_publisher import CLOTH
 
 NAMESPACE = "/replay"  # keeps the replay apart from a live cell
-_TOLERANCE = 20_000_000  # ns between colour and depth of one moment
+_CALIBRATIONS = ("info", "depth_info", "pose")
+_RESEND = 5.0  # seconds; an image may be lost on its way
 
 
-@dataclass
-class ReplaySummary:
-    """What became of the frames of a bag.
+@dataclass(frozen=True)
+class Answer:
+    """What perception says to a pair: its verdict, and grid and mask if it found cloth."""
 
-    Attributes:
-        bag: The bag's path as given.
-        frames: Colour-depth pairs played.
-        grids: One entry for every grid: file, stamp (ns), occupied voxels, quality, reason.
-        skipped: One entry for every message or pair without a grid: stamp (ns) and reason.
-        unpaired: Images left out because none of the other kind was taken at the same moment.
-    """
-
-    bag: str
-    frames: int = 0
-    grids: list[dict[str, Any]] = field(default_factory=list)
-    skipped: list[dict[str, Any]] = field(default_factory=list)
-    unpaired: int = 0
+    verdict: dict[str, str]
+    grid: VoxelGrid | None = None
+    mask: NDArray[np.bool_] | None = None
 
 
 class ReplayClient(Node):
     """Publishes one pair of images at a time and waits for the answer to it."""
 
-    def __init__(self) -> None:
+    def __init__(self, config: InputConfig) -> None:
         """Make the publishers and subscriptions in the replay's own namespace."""
         super().__init__("replay", namespace=NAMESPACE)
+        depth_topic, depth_type = camera_topics.DEPTH[config.source]
         self._publishers_by_kind = {
-            "color": self.create_publisher(Image, "camera/color/image_raw", 5),
-            "depth": self.create_publisher(Image, "camera/depth_registered/image_raw", 5),
-            "info": self.create_publisher(CameraInfo, "camera/color/camera_info", 5),
-            "pose": self.create_publisher(PoseStamped, "camera/pose", LATCHED),
+            "color": self.create_publisher(Image, camera_topics.COLOUR, 5),
+            "depth": self.create_publisher(depth_type, depth_topic, 5),
+            "info": self.create_publisher(CameraInfo, camera_topics.INFO, 5),
+            "pose": self.create_publisher(PoseStamped, camera_topics.POSE, LATCHED),
         }
+        if config.source is DepthSource.UNREGISTERED:
+            self._publishers_by_kind["depth_info"] = self.create_publisher(
+                CameraInfo, camera_topics.DEPTH_INFO, 5
+            )
         self._known: dict[str, BagMessage] = {}
         self._grids: dict[int, VoxelGrid] = {}
+        self._masks: dict[int, NDArray[np.bool_]] = {}
         self._verdicts: dict[int, dict[str, str]] = {}
-        sensor = qos_profile_sensor_data
-        self.create_subscription(VoxelGridMsg, "perception/voxel_grid", self._on_grid, sensor)
+        self.create_subscription(VoxelGridMsg, "perception/voxel_grid", self._on_grid, 5)
+        self.create_subscription(Image, "perception/mask", self._on_mask, 5)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
         self._spinner = SingleThreadedExecutor()
         self._spinner.add_node(self)
@@ -76,8 +78,8 @@ class ReplayClient(Node):
             DeadlineError: If it does not within `timeout` seconds.
         """
         deadline = time.monotonic() + timeout
-        wanted = ("color", "depth", "info", "pose")
-        while any(self._publishers_by_kind[kind].get_subscription_count() == 0 for kind in wanted):
+        publishers = self._publishers_by_kind.values()
+        while any(publisher.get_subscription_count() == 0 for publisher in publishers):
             check()
             if time.monotonic() > deadline:
                 raise DeadlineError(f"the perception node did not appear within {timeout:.0f} s")
@@ -88,15 +90,27 @@ class ReplayClient(Node):
             self._spinner.spin_once(timeout_sec=0.05)
 
     def publish(self, message: BagMessage) -> None:
-        """Send a message as it was recorded; calibration and pose again with every pair."""
-        if message.kind in ("info", "pose"):
+        """Send a message as it was recorded; calibrations and pose again with every pair."""
+        if message.kind not in self._publishers_by_kind:
+            return  # this input does not listen to it
+        if message.kind in _CALIBRATIONS:
             self._known[message.kind] = message
         self._publishers_by_kind[message.kind].publish(bytes(message.data))
 
     def play_pair(
-        self, color: BagMessage, depth: BagMessage, timeout: float = 20.0
-    ) -> tuple[VoxelGrid | None, dict[str, str]]:
-        """Send a pair and wait for perception's verdict, and for the grid if there is one.
+        self,
+        color: BagMessage,
+        depth: BagMessage,
+        check: Callable[[], None],
+        timeout: float = 60.0,
+    ) -> Answer:
+        """Send a pair and wait for perception's verdict, and for grid and mask if there are.
+
+        Args:
+            color: The colour image.
+            depth: Its depth.
+            check: Called while waiting; raises if perception is gone.
+            timeout: Seconds.
 
         Raises:
             DeadlineError: If perception says nothing about the pair.
@@ -107,84 +121,156 @@ class ReplayClient(Node):
             if time.monotonic() > deadline:
                 raise DeadlineError(f"perception did not answer within {timeout:.0f} s")
             if time.monotonic() > resend:  # images are sent best effort
-                for known in list(self._known.values()):
-                    self.publish(known)
-                self.publish(color)
-                self.publish(depth)
-                resend = time.monotonic() + 5.0
+                check()
+                for message in (*self._known.values(), color, depth):
+                    self.publish(message)
+                resend = time.monotonic() + _RESEND
             self._spinner.spin_once(timeout_sec=0.02)
-        return self._grids.pop(color.stamp, None), self._verdicts.pop(color.stamp)
+        answer = Answer(
+            self._verdicts[color.stamp],
+            self._grids.get(color.stamp),
+            self._masks.get(color.stamp),
+        )
+        for answers in (self._verdicts, self._grids, self._masks):
+            answers.clear()  # also late ones to earlier pairs
+        return answer
 
     def _answered(self, stamp: int) -> bool:
         verdict = self._verdicts.get(stamp)
-        return verdict is not None and (verdict["grid"] == "no" or stamp in self._grids)
+        complete = stamp in self._grids and stamp in self._masks
+        return verdict is not None and (verdict["grid"] == "no" or complete)
 
     def _on_grid(self, message: VoxelGridMsg) -> None:
         self._grids[_nanoseconds(message)] = conversions.voxel_grid_from_message(message)
 
+    def _on_mask(self, message: Image) -> None:
+        self._masks[_nanoseconds(message)] = conversions.image_from_message(message) > 0
+
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            if status.hardware_id == f"{NAMESPACE}/perception":
+            if status.hardware_id == f"{NAMESPACE}/perception" and status.name == CLOTH:
                 values = {item.key: item.value for item in status.values}
                 self._verdicts[_nanoseconds(message)] = {**values, "reason": status.message}
 
 
-def replay_bag(
-    bag: Path,
-    topics: BagTopics,
-    out: Path,
-    client: ReplayClient,
-    on_frame: Callable[[ReplaySummary], None],
-) -> ReplaySummary:
-    """Play every pair of a bag through perception and write grids and summary.json to `out`.
+class BagReplay:
+    """Plays every pair of a bag; perception answers one before it gets the next."""
 
-    Raises:
-        InvalidInputError: If the bag or its topics cannot be read.
-    """
-    summary = ReplaySummary(str(bag))
-    matcher = PairMatcher[BagMessage](("color", "depth"), _TOLERANCE)
-    with BagReader(bag, topics) as reader:
-        out.mkdir(parents=True, exist_ok=True)
-        for kind in ("info", "pose"):  # a bag may hold images from before the first of them
-            known = reader.first(kind)
-            if known is not None:
-                client.publish(known)
-        for message in reader.messages():
-            if message.error:
-                reason = f"{message.kind} message cannot be decoded: {message.error}"
-                summary.skipped.append({"stamp": message.stamp, "reason": reason})
-            elif message.kind in ("info", "pose"):
-                client.publish(message)
-            else:
-                pair = matcher.add(message.kind, message.stamp, message)
-                if pair is not None:
-                    _play(client, *pair, out, summary)
-                    on_frame(summary)
-    summary.unpaired = matcher.unpaired + matcher.waiting
-    write_text(out / "summary.json", json.dumps(vars(summary), indent=1))
-    return summary
+    def __init__(
+        self, client: ReplayClient, out: Path, rate: float, check: Callable[[], None]
+    ) -> None:
+        """Prepare.
 
+        Args:
+            client: Talks to perception.
+            out: Folder for grids, summary.json, report.md and contact_sheet.png.
+            rate: Recorded seconds a second; 0: as fast as perception answers.
+            check: Raises if perception is gone.
 
-def _play(
-    client: ReplayClient, color: BagMessage, depth: BagMessage, out: Path, summary: ReplaySummary
-) -> None:
-    grid, verdict = client.play_pair(color, depth)
-    index = summary.frames
-    summary.frames += 1
-    if grid is None:
-        summary.skipped.append({"stamp": color.stamp, "reason": verdict["reason"]})
-        return
-    file = f"voxel_grid_{index:06d}.npz"
-    grid.save(out / file)
-    summary.grids.append(
-        {
-            "file": file,
-            "stamp": color.stamp,
-            "occupied_voxels": int(grid.occupancy.sum()),
-            "quality": float(verdict["quality"]),
-            "reason": verdict["reason"],
-        }
-    )
+        Raises:
+            InvalidInputError: If the rate is negative or not finite.
+        """
+        self._client, self._out, self._check = client, out, check
+        self._clock = ReplayClock(rate)
+        self._rate = rate
+        self._sheet = ContactSheet()
+        self._matcher = self._new_matcher()
+        self._played: set[int] = set()
+
+    def run(
+        self,
+        bag: Path,
+        topics: BagTopics,
+        config: InputConfig,
+        on_frame: Callable[[ReplaySummary], None],
+    ) -> ReplaySummary:
+        """Play a bag and write what became of it.
+
+        Raises:
+            InvalidInputError: If the bag or its topics cannot be read.
+        """
+        summary = ReplaySummary(str(bag), self._rate)
+        begun = time.monotonic()
+        with BagReader(bag, topics, required_topics(config)) as reader:
+            self._out.mkdir(parents=True, exist_ok=True)
+            for kind in _CALIBRATIONS:  # a bag may hold images from before the first of them
+                known = reader.first(kind)
+                if known is not None:
+                    self._client.publish(known)
+            for message in reader.messages():
+                self._take(message, reader, summary)
+                on_frame(summary)
+        summary.unpaired += self._matcher.unpaired + self._matcher.waiting
+        summary.recorded_seconds = self._clock.recorded
+        summary.seconds = time.monotonic() - begun
+        self._sheet.write(self._out / "contact_sheet.png")
+        summary.write(self._out)
+        return summary
+
+    def _take(self, message: BagMessage, reader: BagReader, summary: ReplaySummary) -> None:
+        if message.error:
+            reason = f"{message.kind} message cannot be decoded: {message.error}"
+            summary.skip(message.stamp, reason)
+        elif message.kind in _CALIBRATIONS:
+            self._client.publish(message)
+        else:
+            pair = self._matcher.add(message.kind, message.stamp, message)
+            if pair is not None:
+                self._play(*pair, reader, summary)
+
+    def _play(
+        self, color: BagMessage, depth: BagMessage, reader: BagReader, summary: ReplaySummary
+    ) -> None:
+        jump = self._clock.pass_to(color.stamp)
+        if jump:
+            summary.clock_jumps.append({"stamp": color.stamp, "seconds": jump})
+            summary.unpaired += self._matcher.unpaired + self._matcher.waiting
+            self._matcher = self._new_matcher()
+        if color.stamp in self._played:
+            summary.skip(color.stamp, "an image with this stamp was played before")
+            return
+        self._played.add(color.stamp)
+        index = summary.frames
+        summary.frames += 1
+        try:
+            answer = self._client.play_pair(color, depth, self._check)
+        except DeadlineError as err:
+            summary.skip(color.stamp, str(err))
+            return
+        if answer.grid is None:
+            summary.skip(color.stamp, answer.verdict["reason"])
+        else:
+            self._keep(color.stamp, index, answer, summary)
+        if self._sheet.wants_next:
+            self._show(color, index, answer, reader)
+        else:
+            self._sheet.add(None, None, None, "")
+
+    def _keep(self, stamp: int, index: int, answer: Answer, summary: ReplaySummary) -> None:
+        assert answer.grid is not None
+        file = f"voxel_grid_{index:06d}.npz"
+        answer.grid.save(self._out / file)
+        summary.grids.append(
+            {
+                "file": file,
+                "stamp": stamp,
+                "occupied_voxels": int(answer.grid.occupancy.sum()),
+                "quality": float(answer.verdict["quality"]),
+                "reason": answer.verdict["reason"],
+            }
+        )
+
+    def _show(self, color: BagMessage, index: int, answer: Answer, reader: BagReader) -> None:
+        try:
+            picture = conversions.rgb_from_message(reader.decode(color))
+        except CellError:  # perception has refused it for the same reason
+            picture = None
+        said = answer.verdict.get("quality", answer.verdict["reason"])
+        caption = f"{index}: {self._clock.recorded:.2f} s, {said}"
+        self._sheet.add(picture, answer.mask, answer.grid, caption)
+
+    def _new_matcher(self) -> PairMatcher[BagMessage]:
+        return PairMatcher(("color", "depth"), PAIR_TOLERANCE)
 
 
 def _nanoseconds(message: Any) -> int:
