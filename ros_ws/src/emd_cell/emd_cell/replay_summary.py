@@ -86,10 +86,10 @@ class ReplaySummary:
                 lines.append(f"| | and {len(reasons) - _REASONS} more reasons in summary.json |")
             lines.append("")
         lines += [
-            f"The stamps jumped by {entry['seconds']:.1f} s at {entry['stamp']}."
+            f"- The stamps jumped by {entry['seconds']:.1f} s at {entry['stamp']}."
             for entry in self.clock_jumps
         ]
-        return [*lines, "![The frames, evenly chosen](contact_sheet.png)"]
+        return [*lines, "", "![The frames, evenly chosen](contact_sheet.png)"]
 
 
 class ContactSheet:

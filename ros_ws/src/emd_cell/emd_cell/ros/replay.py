@@ -265,7 +265,8 @@ class BagReplay:
             picture = conversions.rgb_from_message(reader.decode(color))
         except CellError:  # perception has refused it for the same reason
             picture = None
-        said = answer.verdict.get("quality", answer.verdict["reason"])
+        verdict = answer.verdict
+        said = f"quality {verdict['quality']}" if "quality" in verdict else verdict["reason"]
         caption = f"{index}: {self._clock.recorded:.2f} s, {said}"
         self._sheet.add(picture, answer.mask, answer.grid, caption)
 

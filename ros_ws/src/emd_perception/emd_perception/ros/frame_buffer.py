@@ -17,6 +17,7 @@ class FrameBuffer:
         self._condition = threading.Condition()
         self._newest: FramePair | None = None
         self._collected: list[FramePair] | None = None
+        self._since = 0.0
         self.dropped = 0
 
     @property
@@ -29,7 +30,7 @@ class FrameBuffer:
         with self._condition:
             self.dropped += self._newest is not None
             self._newest = pair
-            if self._collected is not None:
+            if self._collected is not None and pair.stamp >= self._since:
                 self._collected.append(pair)
             self._condition.notify_all()
 
@@ -53,16 +54,15 @@ class FrameBuffer:
         """
         deadline = time.monotonic() + timeout
         with self._condition:
-            self._collected = []
+            self._collected, self._since = [], since
             try:
-                while True:
-                    fresh = [pair for pair in self._collected if pair.stamp >= since]
-                    if len(fresh) >= count:
-                        return fresh[:count]
+                while len(self._collected) < count:
                     if not self._condition.wait(timeout=deadline - time.monotonic()):
                         raise DeadlineError(
                             f"{count} frames of colour and depth were wanted within {timeout:.1f}"
-                            f" s, {len(fresh)} came; is the camera on, and do the stamps agree?"
+                            f" s, {len(self._collected)} came; is the camera on, and do its "
+                            "stamps agree with this clock?"
                         )
+                return self._collected[:count]
             finally:
                 self._collected = None

@@ -141,6 +141,7 @@ class PerceptionNode(Node):
 
     def _stream(self) -> None:
         """Process the newest pair, again and again; what cannot be served in time is dropped."""
+        due = 0.0
         while self.context.ok() and not self._stopping.is_set():
             pair = self._buffer.take(timeout=0.5)
             if pair is None or self._buffer.collecting:
@@ -148,8 +149,9 @@ class PerceptionNode(Node):
             started = time.monotonic()
             self._serve(pair, started)
             rate = self._config.value.max_rate
-            if rate > 0:
-                time.sleep(max(0.0, started + 1.0 / rate - time.monotonic()))
+            if rate > 0:  # counted from when it was due: a late frame must not delay all others
+                due = max(due, started - 1.0 / rate) + 1.0 / rate
+                self._stopping.wait(max(0.0, due - time.monotonic()))
 
     def _serve(self, pair: FramePair, started: float) -> None:
         complaint = ""
