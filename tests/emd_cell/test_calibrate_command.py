@@ -129,10 +129,10 @@ def _publish_until_done(scene: BoardScene, process: subprocess.Popen) -> None:
 
 
 @pytest.mark.system
-def test_a_silent_camera_is_told() -> None:
+def test_a_silent_camera_is_told(monkeypatch) -> None:
     """What is missing, after the time allowed."""
     with domain_id() as number:
-        os.environ["ROS_DOMAIN_ID"] = str(number)
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
         with pytest.raises(DeadlineError, match="2 frames were wanted.*no colour"):
             live_frames(2, InputConfig(), 1.5, lambda count: None)
 

@@ -48,7 +48,9 @@ class Bench:
         self.colour = make(Image, "camera/color/image_raw", RELIABLE)
         self.depth = make(Image, "camera/depth_registered/image_raw", RELIABLE)
         self.cloud = make(PointCloud2, "camera/depth_registered/points", RELIABLE)
+        self.own_depth = make(Image, "camera/depth/image_raw", RELIABLE)
         self.info = make(CameraInfo, "camera/color/camera_info", RELIABLE)
+        self.own_info = make(CameraInfo, "camera/depth/camera_info", RELIABLE)
         self.pose = make(PoseStamped, "camera/pose", LATCHED)
         listen = self.camera.create_subscription
         listen(VoxelGridMsg, "perception/voxel_grid", self._on_grid, RELIABLE)
@@ -63,12 +65,14 @@ class Bench:
         picture = cv2.resize(self.scene.colour, size, interpolation=cv2.INTER_AREA)
         depth = cv2.resize(self.scene.depth_frames[0], size, interpolation=cv2.INTER_NEAREST)
         header = self._header()
-        self.info.publish(conversions.camera_to_message(CAMERA, header))
+        for info in (self.info, self.own_info):
+            info.publish(conversions.camera_to_message(CAMERA, header))
         whole = conversions.image_to_message(picture, "rgb8", header)
         if colour is not None:
             colour.header = header
         self.colour.publish(colour or whole)
-        self.depth.publish(conversions.image_to_message(depth, "32FC1", header))
+        for image in (self.depth, self.own_depth):
+            image.publish(conversions.image_to_message(depth, "32FC1", header))
         self.cloud.publish(conversions.points_to_message(CAMERA.unproject(depth), header))
 
     def until(self, happened: Callable[[], object], sending: bool = True) -> None:
@@ -201,8 +205,10 @@ def test_numeric_parameters_have_a_description_and_most_a_range(bench) -> None:
             assert one.floating_point_range or one.integer_range, one.name
 
 
-@pytest.mark.parametrize("arguments", [{"input.depth": "points"}], indirect=True)
-def test_a_point_cloud_is_taken_for_depth(bench) -> None:
-    """The same grid from a cloud."""
+@pytest.mark.parametrize(
+    "arguments", [{"input.depth": "points"}, {"input.depth": "unregistered"}], indirect=True
+)
+def test_other_depth_gives_the_same_grid(bench) -> None:
+    """A cloud, and the depth image of a camera with a calibration of its own."""
     bench.until(lambda: bench.grids)
     assert voxel_mse(bench.grids[-1], bench.scene.grid) < 0.006
