@@ -134,9 +134,15 @@ def test_any_rate_gives_the_same_grids(bag, fast, tmp_path, rate) -> None:
 
 
 def test_a_bag_of_ros_1_gives_the_same_grids(bag, fast, tmp_path) -> None:
-    """The message that ROS 2 cannot decode could not be written there; all else is equal."""
+    """Without the two messages that no converter takes, all else is equal bit by bit."""
+    out, expected = fast
     summary = replay(as_ros1(whole(bag, tmp_path), tmp_path / "old.bag"), tmp_path / "out")
-    assert summary["grids"] == fast[1]["grids"]
+    assert len(summary["grids"]) == len(expected["grids"])
+    for one, other in zip(summary["grids"], expected["grids"], strict=True):
+        files = tmp_path / "out" / one.pop("file"), out / other["file"]
+        assert one == {name: value for name, value in other.items() if name != "file"}
+        grids = [VoxelGrid.load(file) for file in files]
+        np.testing.assert_array_equal(grids[0].occupancy, grids[1].occupancy)
 
 
 def whole(bag: Path, folder: Path) -> Path:
