@@ -20,6 +20,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from domain_coordinator import domain_id
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rich.console import Console
+from rich.progress import Progress
 
 from emd_cell.bench import BenchmarkResult
 from emd_cell.launcher import Launcher, NodeSpec
@@ -56,7 +58,6 @@ class Listener(Node):
         """Listen to /diagnostics."""
         super().__init__("stream_listener")
         self.figures: dict[str, str] = {}
-        self.errors = 0
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
@@ -93,11 +94,14 @@ def _watch(launcher: Launcher, process: int) -> list[Row]:
             launcher.require_alive()
             executor.spin_once(timeout_sec=0.5)
         start = time.monotonic()
-        while time.monotonic() - start < 60.0 * MINUTES:
-            executor.spin_once(timeout_sec=0.5)
-            launcher.require_alive()
-            if time.monotonic() - start >= SAMPLE * len(rows):
-                rows.append(_look(process, time.monotonic() - start, listener.figures))
+        with Progress(console=Console(stderr=True)) as bar:
+            task = bar.add_task("seconds", total=60.0 * MINUTES)
+            while time.monotonic() - start < 60.0 * MINUTES:
+                executor.spin_once(timeout_sec=0.5)
+                launcher.require_alive()
+                bar.update(task, completed=time.monotonic() - start)
+                if time.monotonic() - start >= SAMPLE * len(rows):
+                    rows.append(_look(process, time.monotonic() - start, listener.figures))
     finally:
         listener.destroy_node()
         rclpy.try_shutdown()

@@ -13,7 +13,8 @@ from emd_cell.bag_reader import BagReader, BagTopics
 from emd_cell.launcher import Launcher, NodeSpec
 from emd_cell.replay_clock import ReplayClock
 from emd_cell.replay_summary import ReplaySummary
-from emd_cell.ros.replay import NAMESPACE, BagReplay, ReplayClient
+from emd_cell.ros.replay import BagReplay
+from emd_cell.ros.replay_client import NAMESPACE, ReplayClient
 from emd_perception.calibration.calibration import Calibration
 from emd_perception.frame_input import InputConfig
 
