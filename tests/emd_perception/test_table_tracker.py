@@ -85,6 +85,17 @@ def test_a_single_wrong_measurement_is_no_jump() -> None:
     assert states[-1] is TableState.FOLLOWED
 
 
+@pytest.mark.parametrize(
+    ("height", "state"), [(0.02, "followed"), (0.05, "one measurement differs")]
+)
+def test_the_first_table_may_differ_more(height, state) -> None:
+    """Extrinsics 20 mm off are corrected at once, 50 mm are not believed."""
+    tracker = TableTracker(START, TrackerConfig())
+    assert tracker.update(plane_at(height), 0.0) == state
+    followed = height if state is TableState.FOLLOWED else 0.0
+    assert tracker.drift == pytest.approx(followed, abs=1e-6)
+
+
 def test_x_y_and_yaw_stay() -> None:
     """Only tilt and height are corrected: the table's origin stays over itself."""
     tracker = TableTracker(START, TrackerConfig())

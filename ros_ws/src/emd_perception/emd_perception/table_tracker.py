@@ -103,9 +103,9 @@ class TableTracker:
         limits = PlaneConfig(max_tilt=math.pi / 2, max_offset=1e3)
         measured = refine_table_frame(self._transform, plane, limits)
         self.tilt, self.offset = measured.tilt, measured.offset
-        near = measured.tilt <= self._config.max_tilt and (
-            abs(measured.offset) <= self._config.max_offset
-        )
+        # The first table may differ as much from what is known as one frame's correction may.
+        allowed = PlaneConfig() if self.state is TableState.UNSEEN else self._config
+        near = measured.tilt <= allowed.max_tilt and abs(measured.offset) <= allowed.max_offset
         self._before = self._transform
         if near:
             self._follow(measured.transform_camera_to_table, stamp)
