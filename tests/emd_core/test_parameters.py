@@ -81,11 +81,11 @@ def test_parameters_tell_their_meaning_and_range(node) -> None:
 
 
 def test_values_change_while_the_node_runs(node) -> None:
-    """Inner values and tuples too; whoever asked is told."""
-    told = []
-    live = LiveConfig(node, Settings(), "my.", told.append)
+    """Inner values and tuples too; who checks them is asked."""
+    asked: list[Settings] = []
+    live = LiveConfig(node, Settings(), "my.", asked.append)
     assert set_values(node, my__count=5, my__place=[2.0, 3.0], my__inner__high=4.0)[0]
-    assert live.value == Settings(5, (2.0, 3.0), Inner(1.0, 4.0)) == told[-1]
+    assert live.value == Settings(5, (2.0, 3.0), Inner(1.0, 4.0)) == asked[-1]
 
 
 def test_values_that_fit_only_together_are_set_together(node) -> None:
@@ -110,7 +110,16 @@ def test_what_is_out_of_range_changes_nothing(node, values) -> None:
     assert node.get_parameter("my.count").value == 3
 
 
-def test_a_refusal_of_the_listener_changes_nothing(node) -> None:
+def test_what_one_config_refuses_no_other_takes(node) -> None:
+    """Values of two configs that are set together change both or none."""
+    first, second = LiveConfig(node, Settings(), "one."), LiveConfig(node, Settings(), "two.")
+    assert not set_values(node, one__count=4, two__inner__low=8.0)[0]
+    assert (first.value, second.value) == (Settings(), Settings())
+    assert set_values(node, one__count=4, two__inner__low=1.5)[0]
+    assert (first.value.count, second.value.inner.low) == (4, 1.5)
+
+
+def test_a_refusal_of_the_check_changes_nothing(node) -> None:
     """What the node cannot use stays out, with its reason."""
 
     def refuse(config: Settings) -> None:

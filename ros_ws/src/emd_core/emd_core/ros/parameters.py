@@ -50,7 +50,7 @@ class LiveConfig(Generic[T]):
     """
 
     def __init__(
-        self, node: Node, config: T, prefix: str = "", on_change: Callable[[T], None] | None = None
+        self, node: Node, config: T, prefix: str = "", check: Callable[[T], None] | None = None
     ) -> None:
         """Declare the parameters; see `declare_config`.
 
@@ -58,30 +58,39 @@ class LiveConfig(Generic[T]):
             node: Where to declare.
             config: Instance that holds the defaults.
             prefix: Put before every name, with its dot.
-            on_change: Told of every new value; may refuse it with an InvalidInputError.
+            check: Asked about every new value; may refuse it with an InvalidInputError.
 
         Raises:
             InvalidInputError: If a value that the node is started with is refused.
         """
         self._default, self._prefix = config, prefix
-        self._on_change = on_change
+        self._check = check
         self._values = _declare_all(node, config, prefix)
         self.value: T = _build(config, self._values, prefix)
-        node.add_on_set_parameters_callback(self._set)
+        node.add_on_set_parameters_callback(self._judge)
+        node.add_post_set_parameters_callback(self._take)
 
-    def _set(self, parameters: list[Parameter]) -> SetParametersResult:
-        ours = {one.name: one.value for one in parameters if one.name in self._values}
+    def _judge(self, parameters: list[Parameter]) -> SetParametersResult:
+        """Say whether the values will do; others may still refuse theirs."""
+        ours = self._ours(parameters)
         if not ours:
             return SetParametersResult(successful=True)
-        values = {**self._values, **ours}
         try:
-            changed = _build(self._default, values, self._prefix)
-            if self._on_change is not None:
-                self._on_change(changed)
+            changed = _build(self._default, {**self._values, **ours}, self._prefix)
+            if self._check is not None:
+                self._check(changed)
         except InvalidInputError as err:
             return SetParametersResult(successful=False, reason=str(err))
-        self._values, self.value = values, changed
         return SetParametersResult(successful=True)
+
+    def _take(self, parameters: list[Parameter]) -> None:
+        ours = self._ours(parameters)
+        if ours:
+            self._values = {**self._values, **ours}
+            self.value = _build(self._default, self._values, self._prefix)
+
+    def _ours(self, parameters: list[Parameter]) -> dict[str, Any]:
+        return {one.name: one.value for one in parameters if one.name in self._values}
 
 
 def _declare_all(node: Node, config: Any, prefix: str, read_only: bool = False) -> dict[str, Any]:
