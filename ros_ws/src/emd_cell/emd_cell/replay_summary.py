@@ -89,7 +89,8 @@ class ReplaySummary:
             f"- The stamps jumped by {entry['seconds']:.1f} s at {entry['stamp']}."
             for entry in self.clock_jumps
         ]
-        return [*lines, "", "![The frames, evenly chosen](contact_sheet.png)"]
+        lines += [""] if lines[-1] else []
+        return [*lines, "![The frames, evenly chosen](contact_sheet.png)"]
 
 
 class ContactSheet:
