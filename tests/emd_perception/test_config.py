@@ -48,7 +48,7 @@ def test_every_value_is_documented() -> None:
         (lambda: SegmentationConfig(max_height=float("nan")), "max_height"),
         (lambda: PlaneConfig(max_points=10), "max_points"),
         (lambda: PlaneConfig(min_inlier_share=1.5), "min_inlier_share"),
-        (lambda: VoxelConfig(cells_per_voxel=0), "cells_per_voxel"),
+        (lambda: VoxelConfig(max_cells_per_voxel=0), "max_cells_per_voxel"),
         (lambda: FusionConfig(trimmed_share=0.5), "trimmed_share"),
     ],
 )

@@ -9,8 +9,9 @@ from emd_core.frames import FieldOfView, transform_points
 from emd_core.metrics import silhouette_iou, voxel_mse
 from emd_core.pinhole_camera import PinholeCamera
 from emd_core.voxel_grid import VoxelGrid, voxelise
+from emd_perception.cloth_points import ClothPoints, cloth_points
 from emd_perception.config import FusionConfig
-from emd_perception.depth_to_voxel import ClothPoints, cloth_points, voxelise_cloth
+from emd_perception.depth_to_voxel import cells_per_voxel, voxelise_cloth
 from emd_perception.fusion import trimmed_mean
 from emd_perception.unprojection import unproject_mask
 
@@ -124,3 +125,10 @@ def test_a_scrap_smaller_than_a_column_still_occupies_one() -> None:
     mask[240, 320] = True
     cloth = points(scene, scene.true_depth.astype(np.float32), mask)
     assert voxelise_cloth(cloth, FIELD_OF_VIEW).silhouette.sum() == 1
+
+
+def test_columns_are_divided_the_finer_the_less_noise_there_is(folded_scene) -> None:
+    """Many frames tell heights of smaller cells than one frame does."""
+    one, many = folded_scene.depth_frames[0], fused(folded_scene)
+    divisions = [cells_per_voxel(points(folded_scene, d), FIELD_OF_VIEW) for d in (one, many)]
+    assert divisions[0] < divisions[1]

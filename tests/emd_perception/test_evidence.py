@@ -19,7 +19,8 @@ def test_cloth_stands_out_from_a_table_that_the_sensor_bends(noise: float) -> No
     height[:4] = np.nan
     bare = np.zeros(u.shape, dtype=bool)
     bare[:25], bare[-25:] = True, True
-    contrast = height_contrast(height.astype(np.float32), bare, 0.0006)
+    contrast, spread = height_contrast(height.astype(np.float32), bare, 0.0006)
+    assert spread == pytest.approx(max(noise, 0.0006), rel=0.15)
     wanted = 0.003 / max(noise, 0.0006)
     assert np.median(contrast[cloth]) == pytest.approx(wanted, rel=0.15)
     assert np.median(contrast[~cloth]) < 1.0
@@ -30,5 +31,5 @@ def test_without_bare_table_in_view_what_lies_near_the_plane_is_taken() -> None:
     """A few pixels of table are not enough to learn from."""
     height = np.zeros((60, 80), dtype=np.float32)
     height[20:40, 30:50] = 0.02
-    contrast = height_contrast(height, np.zeros(height.shape, dtype=bool), 0.0006)
+    contrast, _ = height_contrast(height, np.zeros(height.shape, dtype=bool), 0.0006)
     assert contrast[30, 40] > 5.0 and contrast[5, 5] == 0.0

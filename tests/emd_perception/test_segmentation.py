@@ -19,6 +19,7 @@ from perception_scenes import (
 from emd_core.errors import NoClothError
 from emd_core.frames import FieldOfView
 from emd_core.pinhole_camera import PinholeCamera
+from emd_perception.cut_memory import CutMemory
 from emd_perception.quality import combine
 from emd_perception.region import field_of_view_region, observed_region, pixel_area_on_table
 from emd_perception.segmentation import Segmentation, segment_cloth
@@ -29,13 +30,16 @@ CAMERA = PinholeCamera()
 FLAT = rectangle(0.4, 0.4, turn=0.2)
 
 
-def segment(scene: Scene, region: np.ndarray | None = None) -> Segmentation:
+def segment(
+    scene: Scene, region: np.ndarray | None = None, last: CutMemory | None = None
+) -> Segmentation:
     """Segment a scene's first frame, in a region of interest if given."""
     plane = fit_table_plane(scene.depth_frames[0], CAMERA)
     height = height_above_plane(scene.depth_frames[0], plane.coefficients, CAMERA)
     seen = observed_region(height)
     area = pixel_area_on_table(CAMERA, plane)
-    return segment_cloth(scene.colour, height, area, seen if region is None else seen & region)
+    within = seen if region is None else seen & region
+    return segment_cloth(scene.colour, height, area, within, last=last)
 
 
 def iou(mask: np.ndarray, truth: np.ndarray) -> float:
@@ -80,6 +84,38 @@ def test_a_striped_cloth_is_one_cloth() -> None:
 def test_a_hand_at_the_cloth_is_left_out(hand_scene) -> None:
     """A grey hand that hides a corner of the cloth is not taken for cloth."""
     assert iou(segment(hand_scene).mask, hand_scene.mask) > 0.96
+
+
+def test_a_chequered_cloth_with_checks_of_the_tables_colour_is_one_cloth() -> None:
+    """Checks that only their height tells from the table belong to the cloth."""
+    checks = [
+        Layer(
+            rectangle(0.05, 0.05, (-0.125 + 0.05 * row, -0.125 + 0.05 * column)),
+            0.004,
+            WOOD if (row + column) % 2 else BLUE,
+        )
+        for row in range(6)
+        for column in range(6)
+    ]
+    scene = render(checks, seed=18)
+    assert iou(segment(scene).mask, scene.mask) > 0.93
+
+
+def test_a_shadow_beside_the_cloth_is_no_cloth() -> None:
+    """A hard shadow, as dark as the cloth and touching it, lies flat and is left out."""
+    shadow = Layer(rectangle(0.3, 0.2, (0.0, 0.25)), 0.0, (95, 75, 54), is_cloth=False)
+    scene = render([Layer(rectangle(0.3, 0.3), 0.004, (70, 45, 30)), shadow], seed=19)
+    assert iou(segment(scene).mask, scene.mask) > 0.95
+
+
+def test_what_is_too_near_to_be_measured_is_no_cloth() -> None:
+    """A dark thing without any depth that hangs over the cloth's edge is left out."""
+    near = Layer(rectangle(0.15, 0.15, (0.2, 0.1)), 0.02, (40, 45, 60), is_cloth=False)
+    scene = render([Layer(rectangle(0.35, 0.35), 0.004, RED), near], seed=20)
+    bare = render([Layer(rectangle(0.35, 0.35), 0.004, RED)], seed=20)
+    hidden = np.abs(scene.true_depth - bare.true_depth) > 0.001
+    scene.depth_frames[0][hidden] = np.nan
+    assert iou(segment(scene).mask, scene.mask) > 0.95
 
 
 def test_an_empty_table_has_no_cloth(empty_scene) -> None:
@@ -166,3 +202,16 @@ def test_a_low_gripper_of_the_cloths_colour_is_taken_out() -> None:
     scene = render([Layer(FLAT, 0.003, dark), arm, gripper], seed=15)
     found = segment(scene).mask
     assert (found & ~scene.mask).sum() < 300 and iou(found, scene.mask) > 0.97
+
+
+def test_a_scene_at_rest_keeps_its_colours_and_a_changed_one_is_learnt_anew() -> None:
+    """The next frame is cut as well with the mixtures kept; another cloth gets its own."""
+    first, second = (render([Layer(FLAT, 0.003, BLUE)], seed=31) for _ in range(2))
+    known = segment(first).memory
+    again = segment(second, last=known)
+    assert again.memory is known
+    assert iou(again.mask, second.mask) > 0.97
+    other = render([Layer(rectangle(0.3, 0.3), 0.003, RED)], seed=31)
+    changed = segment(other, last=known)
+    assert changed.memory is not known
+    assert iou(changed.mask, other.mask) > 0.96

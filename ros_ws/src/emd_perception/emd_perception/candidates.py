@@ -14,6 +14,8 @@ from emd_perception.image_types import Mask
 from emd_perception.mask_morphology import convex_hull, dilate, erode, label_components, opened
 
 _LOW = 0.025  # metres; cloth lies lower in the median, a hand or a box does not
+CLEARLY_RAISED = 3.0  # spreads above the table
+_ARM = 0.045  # metres; beside something tall, what is higher than this belongs to it
 _CUT_OFF_SHARE = 0.04  # of the outline; with more on the region's rim, a thing reaches out of it
 _FAR = 100.0  # metres; stands for an unknown height
 
@@ -49,13 +51,29 @@ class Thing:
 
 
 def tall_pixels(evidence: Evidence, config: SegmentationConfig) -> Mask:
-    """Pixels too high for cloth, with a small margin: hands, boxes."""
-    return dilate(opened(evidence.height > config.max_height, 3), 3)
+    """Pixels too high for cloth, and what is high beside them: hands, boxes."""
+    tall = opened(evidence.height > config.max_height, 3)
+    labels = label_components(evidence.height > max(_ARM, 0.5 * config.max_height))[1]
+    belongs = np.zeros(int(labels.max()) + 1, dtype=bool)
+    belongs[labels[tall]] = True
+    belongs[0] = False
+    return np.asarray(belongs[labels])
 
 
 def raised_pixels(evidence: Evidence) -> Mask:
     """Pixels higher than most cloth lies: piles, hands, the robot's pedestal."""
     return np.asarray(evidence.height > _LOW)
+
+
+def blind_patches(evidence: Evidence, tall: Mask, min_area: float) -> Mask:
+    """Wide patches without any depth, where cloth with a depth is in view: things too near.
+
+    Without such cloth nothing is left out: it may be black to infrared light itself.
+    """
+    raised = evidence.region & ~tall & opened(evidence.rise > CLEARLY_RAISED, 3)
+    if evidence.pixel_area[raised].sum() < min_area:
+        return np.zeros_like(tall)
+    return dilate(opened(~np.isfinite(evidence.height), 7), 3)
 
 
 def height_steps(evidence: Evidence, config: SegmentationConfig) -> Mask:
@@ -76,6 +94,15 @@ def find_things(seeds: Mask, evidence: Evidence, tall: Mask, min_area: float) ->
     return [_describe(labels == label, evidence, tall, rim) for label in large]
 
 
+def only_tall_things(count: int) -> NoClothError:
+    """The refusal where all that differs from the table stands too high for cloth."""
+    return NoClothError(
+        f"{count} thing(s) on the table, none of them cloth: all lie {1e3 * _LOW:.0f} mm or more "
+        "above the table and belong to something taller or reach in from outside; take them away "
+        "and put the cloth into view"
+    )
+
+
 def choose_cloth(things: list[Thing], config: SegmentationConfig) -> Thing:
     """Pick the largest thing that can be cloth.
 
@@ -89,11 +116,7 @@ def choose_cloth(things: list[Thing], config: SegmentationConfig) -> Thing:
         )
     possible = [thing for thing in things if not thing.is_intruder()]
     if not possible:
-        raise NoClothError(
-            f"{len(things)} thing(s) on the table, none of them cloth: all lie "
-            f"{1e3 * _LOW:.0f} mm or more above the table and belong to something taller or reach "
-            "in from outside; take them away and put the cloth into view"
-        )
+        raise only_tall_things(len(things))
     fitting = [thing for thing in possible if thing.area <= config.max_area]
     if not fitting:
         raise NoClothError(

@@ -57,9 +57,9 @@ class SegmentationConfig:
         random_seed: Seed of GraphCut's colour clustering.
     """
 
-    working_pixels: int = 320 * 240
+    working_pixels: int = 160 * 120
     iterations: int = 2
-    refined_band: int = 3
+    refined_band: int = 1
     chroma_gain: float = 2.5
     chroma_floor: float = bounded(2.0, 0.01, 100.0)
     lightness_floor: float = bounded(16.0, 0.01, 100.0)
@@ -110,7 +110,7 @@ class PlaneConfig:
 
     distance_threshold: float = bounded(0.008, 1e-4, 0.1)
     iterations: int = bounded(100, 1, 100_000)
-    max_points: int = bounded(6000, 100, 10_000_000)
+    max_points: int = bounded(2000, 100, 10_000_000)
     min_inlier_share: float = bounded(0.5, 0.0, 1.0)
     max_tilt: float = bounded(0.08, 1e-4, 1.6)
     max_offset: float = bounded(0.03, 1e-4, 1000.0)
@@ -130,25 +130,27 @@ class VoxelConfig:
     """How the masked depth becomes points and voxels.
 
     Attributes:
-        cells_per_voxel: Each voxel column is divided into this many cells a side, and the points
-            of a cell are averaged before rasterisation. The paper's rule, "one vertex suffices",
-            is meant for a mesh without noise; on single pixels it takes the highest error.
+        max_cells_per_voxel: Each voxel column is divided into at most this many cells a side, and
+            the points of a cell are averaged before rasterisation. The paper's rule, "one vertex
+            suffices", is meant for a mesh without noise; on single pixels it takes the highest
+            error.
+        max_cell_error: Cells are so wide that the standard error of their height is at most this,
+            metres.
         max_spike: Pixels farther than this from the median of their surroundings are dropped,
             metres.
-        outlier_neighbours: Neighbours a point is compared with (Open3D, statistical removal).
-        outlier_std_ratio: Points farther from their neighbours than so many standard deviations
-            are dropped.
-        min_points_in_cell: Cells with fewer points are left out.
+        max_lone_height: Thinned-out points are dropped whose height differs by more from that of
+            all but one of the points around them, metres.
+        min_points_in_cell: Wide cells with fewer thinned-out points are left out.
         min_coverage: Columns that the cloth's pixels cover by a smaller share are empty: the
             outline errs by about a pixel.
     """
 
-    cells_per_voxel: int = 2
+    max_cells_per_voxel: int = 4
+    max_cell_error: float = 0.0004
     max_spike: float = 0.02
-    outlier_neighbours: int = 12
-    outlier_std_ratio: float = 3.0
+    max_lone_height: float = 0.012
     min_points_in_cell: int = 2
-    min_coverage: float = 0.06
+    min_coverage: float = 0.02
 
     def __post_init__(self) -> None:
         """Check the ranges.
@@ -156,9 +158,9 @@ class VoxelConfig:
         Raises:
             InvalidInputError: If a value is out of its range.
         """
-        for name in ("cells_per_voxel", "outlier_neighbours", "min_points_in_cell"):
+        for name in ("max_cells_per_voxel", "min_points_in_cell"):
             _require(getattr(self, name) >= 1, self, name, "at least 1")
-        _require_positive(self, "max_spike", "outlier_std_ratio")
+        _require_positive(self, "max_spike", "max_lone_height", "max_cell_error")
         _require_share(self, "min_coverage")
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emd_core.errors import NoClothError
+from emd_core.frames import FloatArray
 from emd_perception.config import SegmentationConfig
 from emd_perception.image_types import ColourImage, DepthImage, FloatImage, LabImage, Mask
 from emd_perception.mask_morphology import resize_mask
@@ -18,7 +19,6 @@ from emd_perception.table_appearance import (
     lab_from_rgb,
     learn_table_appearance,
     region_rim,
-    smooth_height,
     trend_basis,
 )
 
@@ -26,6 +26,8 @@ _LIKE_TABLE = 2.5  # spreads of colour; a pixel so near to the table's colour ma
 _HEIGHT_ROUNDS = 4  # of fitting the bare table's height and leaving out what lies off it
 _HEIGHT_RIDGE = 1e-3
 _MIN_BARE = 50
+_LEAST_KNOWN = 0.15  # share of the pixels of which a reduced one is made
+_MAX_SAMPLES = 3000  # pixels of which the table's height is learnt
 _NEAR_PLANE = 0.012  # metres; candidates for bare table, wide enough for a Kinect's distortion
 
 
@@ -37,6 +39,8 @@ class Evidence:
         lab: Reduced colour, shape (h, w, 3), CIE L*a*b*.
         height: Smoothed height above the table, shape (h, w), metres, NaN where unknown.
         region: Pixels of interest, shape (h, w).
+        rise: Height above the bare table's trend, shape (h, w), spreads; 0 where unknown.
+        rise_spread: What a spread of `rise` is, metres: how finely the sensor tells heights here.
         contrast: Distance from the table in colour and height, shape (h, w), spreads.
         threshold: Contrast that divides table from cloth best (Otsu), within configured bounds.
         pixel_area: Table area of one reduced pixel, shape (h, w), square metres.
@@ -45,6 +49,8 @@ class Evidence:
     lab: LabImage
     height: DepthImage
     region: Mask
+    rise: FloatImage
+    rise_spread: float
     contrast: FloatImage
     threshold: float
     pixel_area: FloatImage
@@ -83,7 +89,7 @@ def gather_evidence(
     reduced = cv2.resize(colour, shape[::-1], interpolation=cv2.INTER_AREA)
     lab = lab_from_rgb(np.asarray(reduced, dtype=np.uint8))
     lab = np.asarray(cv2.GaussianBlur(lab, (3, 3), 0), dtype=np.float32)
-    small_height = _reduce(smooth_height(height), shape)
+    small_height = reduce_height(height, shape)
     small_region = resize_mask(region, shape)
     candidates = small_region & (np.abs(small_height) < _NEAR_PLANE)
     appearance = learn_table_appearance(lab, candidates, config)
@@ -94,13 +100,16 @@ def gather_evidence(
         )
     colours = colour_contrast(lab, appearance)
     bare = region_rim(candidates, config.border_share) & (colours < _LIKE_TABLE)
-    contrast = np.hypot(colours, height_contrast(small_height, bare, config.height_floor))
+    rise, rise_spread = height_contrast(small_height, bare, config.height_floor)
+    contrast = np.hypot(colours, rise)
     low = small_region & ~(small_height > config.max_height)
     threshold = float(np.clip(_otsu(contrast[low]), config.min_contrast, config.max_contrast))
     return Evidence(
         lab,
         small_height,
         small_region,
+        rise,
+        rise_spread,
         contrast,
         threshold,
         _reduce(pixel_area, shape) * np.float32(factor),
@@ -113,12 +122,32 @@ def reduced_shape(shape: tuple[int, ...], working_pixels: int) -> tuple[int, int
     return max(1, round(shape[0] * scale)), max(1, round(shape[1] * scale))
 
 
+def reduce_height(height: DepthImage, shape: tuple[int, int]) -> DepthImage:
+    """Average heights over the pixels that make one reduced pixel and its neighbours.
+
+    Args:
+        height: Shape (H, W), metres, NaN where unknown; unknown pixels are left out.
+        shape: Rows and columns wanted, (h, w).
+
+    Returns:
+        Shape (h, w), metres; NaN where hardly a pixel is known.
+    """
+    unknown = np.isnan(height)
+    heights = cv2.patchNaNs(height.astype(np.float32), 0.0)
+    total = cv2.resize(heights, shape[::-1], interpolation=cv2.INTER_AREA)
+    known = (~unknown).astype(np.float32)
+    weight = cv2.resize(known, shape[::-1], interpolation=cv2.INTER_AREA)
+    total, weight = (cv2.GaussianBlur(one, (3, 3), 0) for one in (total, weight))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(weight > _LEAST_KNOWN, total / weight, np.nan).astype(np.float32)
+
+
 def _reduce(image: FloatImage, shape: tuple[int, int]) -> FloatImage:
     reduced = cv2.resize(image, shape[::-1], interpolation=cv2.INTER_NEAREST)
     return np.asarray(reduced, dtype=np.float32)
 
 
-def height_contrast(height: DepthImage, bare: Mask, floor: float) -> FloatImage:
+def height_contrast(height: DepthImage, bare: Mask, floor: float) -> tuple[FloatImage, float]:
     """Height above the bare table in spreads of what is measured there.
 
     The table's height is a smooth trend across the picture, as sensors bend planes.
@@ -129,26 +158,36 @@ def height_contrast(height: DepthImage, bare: Mask, floor: float) -> FloatImage:
         floor: Least spread that is assumed, metres.
 
     Returns:
-        Shape (h, w); 0 below the table and where unknown.
+        Shape (h, w), 0 below the table and where unknown; and the spread, metres.
     """
     basis = trend_basis(height.shape)
     known = bare & np.isfinite(height)
     if known.sum() < _MIN_BARE:
         known = np.isfinite(height) & (np.abs(height) < _NEAR_PLANE)
+    chosen = np.flatnonzero(known)
+    chosen = chosen[:: -(-len(chosen) // _MAX_SAMPLES) or 1]
+    samples = basis.reshape(-1, basis.shape[-1])[chosen].astype(np.float64)
+    trend, spread = _fit_trend(samples, height.ravel()[chosen].astype(np.float64), floor)
+    raised = np.nan_to_num(np.maximum(height - basis @ trend, 0.0), nan=0.0)
+    return np.asarray(raised / spread, dtype=np.float32), spread
+
+
+def _fit_trend(
+    basis: FloatArray, heights: FloatArray, floor: float
+) -> tuple[NDArray[np.float32], float]:
+    """Fit heights by a trend, again and again without what lies off it; gives the spread too."""
     trend = np.zeros(basis.shape[-1])
     spread = _NEAR_PLANE
+    ridge = _HEIGHT_RIDGE * np.diag([0.0] + [1.0] * (len(trend) - 1))
     for _ in range(_HEIGHT_ROUNDS):
-        residual = height - basis @ trend
-        near = known & (np.abs(residual) < 3.0 * spread)
+        near = np.abs(heights - basis @ trend) < 3.0 * spread
         if near.sum() < _MIN_BARE:
             break
-        ridge = _HEIGHT_RIDGE * near.sum() * np.diag([0.0] + [1.0] * (len(trend) - 1))
-        some = basis[near].astype(np.float64)
-        trend = np.linalg.solve(some.T @ some + ridge, some.T @ height[near])
-        left = height[near] - some @ trend
+        some, wanted = basis[near], heights[near]
+        trend = np.linalg.solve(some.T @ some + near.sum() * ridge, some.T @ wanted)
+        left = wanted - some @ trend
         spread = max(floor, 1.4826 * float(np.median(np.abs(left - np.median(left)))))
-    raised = np.nan_to_num(np.maximum(height - basis @ trend, 0.0), nan=0.0)
-    return np.asarray(raised / spread, dtype=np.float32)
+    return trend.astype(np.float32), spread
 
 
 def _otsu(contrast: NDArray[Any]) -> float:

@@ -1,7 +1,7 @@
 """GraphCut: the cloth's outline from colour, with seeds instead of a user (paper, IV-B).
 
-The cut is OpenCV's grabCut (Rother et al. 2004): colour mixtures for cloth and rest, and a minimum
-cut that prefers outlines along colour edges. It is made on a reduced picture; at full resolution
+The first cut is OpenCV's grabCut (Rother et al. 2004) on a reduced picture: colour mixtures for
+cloth and rest, and a minimum cut that prefers outlines along colour edges. At full resolution
 only a narrow band along that outline is cut again, with the mixtures already found.
 """
 
@@ -14,13 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emd_core.errors import NoClothError
+from emd_perception.band_cut import band_along, cut_band
+from emd_perception.colour_mixtures import ColourMixtures
 from emd_perception.config import SegmentationConfig
 from emd_perception.image_types import ColourImage, LabImage, Mask
-from emd_perception.mask_morphology import dilate, erode
-from emd_perception.table_appearance import lab_from_rgb
+from emd_perception.mask_morphology import bounding_window, dilate
 
 _NO_RECTANGLE = (0, 0, 0, 0)  # the labels say what the rectangle would
 _MIN_SEEDS = 20  # grabCut clusters the seeds of each side into five colours
+_MARGIN = 10  # reduced pixels around what may be cloth, from which the table's colours are learnt
 
 
 @dataclass(frozen=True)
@@ -46,20 +48,32 @@ class Seeds:
 
 
 @dataclass(frozen=True)
-class ColourMixtures:
-    """The colour mixtures of both sides, in grabCut's own form, shape (1, 65) each."""
+class Hands:
+    """Hands and other things above the cloth, shapes (H, W).
 
-    background: NDArray[np.float64]
-    cloth: NDArray[np.float64]
+    Attributes:
+        pixels: Their outline by height; never cloth.
+        near: Where they and their rim are; what is cloth there is told at full resolution.
+    """
+
+    pixels: Mask
+    near: Mask
 
 
-def cut(lab: LabImage, seeds: Seeds, config: SegmentationConfig) -> tuple[Mask, ColourMixtures]:
+def cut(
+    lab: LabImage,
+    seeds: Seeds,
+    config: SegmentationConfig,
+    known_mixtures: ColourMixtures | None = None,
+) -> tuple[Mask, ColourMixtures]:
     """Cut the reduced picture along the best outline.
 
     Args:
         lab: Shape (h, w, 3), CIE L*a*b*.
         seeds: Start; both sides must have pixels.
         config: Iterations, seed and chroma gain.
+        known_mixtures: Of an earlier frame of the same scene; they are kept as they are, which
+            takes one cut. If None, mixtures are learnt from the seeds.
 
     Returns:
         The cloth's mask, shape (h, w), and the mixtures it came from.
@@ -74,22 +88,31 @@ def cut(lab: LabImage, seeds: Seeds, config: SegmentationConfig) -> tuple[Mask, 
             f"at least {_MIN_SEEDS} pixels of cloth and as many of table are needed, got "
             f"{cloth_count} and {labels.size - cloth_count}; show bare table around the cloth"
         )
-    background, cloth = np.zeros((1, 65)), np.zeros((1, 65))
+    window = bounding_window(labels != cv2.GC_BGD, _MARGIN)
+    mixtures = known_mixtures or ColourMixtures(np.zeros((1, 65)), np.zeros((1, 65)))
+    background, cloth = mixtures.background.copy(), mixtures.cloth.copy()
+    part = labels[window].copy()
     cv2.setRNGSeed(config.random_seed)
     cv2.grabCut(
-        _picture(lab, config.chroma_gain),
-        labels,
+        _stretch_chroma(lab[window], config.chroma_gain),
+        part,
         _NO_RECTANGLE,
         background,
         cloth,
-        config.iterations,
-        cv2.GC_INIT_WITH_MASK,
+        config.iterations if known_mixtures is None else 1,
+        cv2.GC_INIT_WITH_MASK if known_mixtures is None else cv2.GC_EVAL_FREEZE_MODEL,
     )
-    return (labels & 1).astype(bool), ColourMixtures(background, cloth)
+    mask = np.zeros(labels.shape, dtype=bool)
+    mask[window] = part & 1
+    return mask, ColourMixtures(background, cloth)
 
 
 def refine(
-    colour: ColourImage, reduced_mask: Mask, mixtures: ColourMixtures, config: SegmentationConfig
+    colour: ColourImage,
+    reduced_mask: Mask,
+    mixtures: ColourMixtures,
+    config: SegmentationConfig,
+    hands: Hands | None = None,
 ) -> Mask:
     """Cut again at full resolution, within a band along the outline of the first cut.
 
@@ -98,54 +121,44 @@ def refine(
         reduced_mask: Mask of the first cut, shape (h, w).
         mixtures: Colour mixtures of the first cut.
         config: Band and chroma gain.
+        hands: What else is in view, if anything.
 
     Returns:
         Shape (H, W).
     """
-    size = (colour.shape[1], colour.shape[0])
-    coarse = _enlarge(reduced_mask, size)
+    coarse = _enlarge(reduced_mask, (colour.shape[1], colour.shape[0]))
     if config.refined_band == 0 or reduced_mask.shape == coarse.shape:
-        return coarse
-    scale = colour.shape[0] / reduced_mask.shape[0]
-    reach = 2 * round(config.refined_band * scale) + 1
-    window = _window(coarse, 2 * reach)
+        return coarse if hands is None else coarse & ~hands.pixels
+    reach = round(config.refined_band * colour.shape[0] / reduced_mask.shape[0])
+    window = bounding_window(coarse, 4 * reach)
     inside = coarse[window]
-    labels = np.where(inside, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
-    labels[erode(inside, reach, outside=True)] = cv2.GC_FGD
-    labels[~dilate(inside, reach)] = cv2.GC_BGD
-    lab = lab_from_rgb(colour[window])
-    cv2.grabCut(
-        _picture(lab, config.chroma_gain),
-        labels,
-        _NO_RECTANGLE,
-        mixtures.background.copy(),
-        mixtures.cloth.copy(),
-        1,
-        cv2.GC_EVAL_FREEZE_MODEL,
-    )
+    band = band_along(inside, reach)
+    if hands is not None:
+        inside = inside & ~hands.pixels[window]
+        band |= hands.near[window] & dilate(inside, 6 * reach + 1)
+        band &= ~hands.pixels[window]
     refined = np.zeros_like(coarse)
-    refined[window] = (labels & 1).astype(bool)
+    picture = _picture(colour[window], config.chroma_gain)
+    refined[window] = cut_band(picture, inside, band, mixtures)
     return refined
 
 
-def _picture(lab: LabImage, chroma_gain: float) -> NDArray[np.uint8]:
+def _stretch_chroma(lab: LabImage, chroma_gain: float) -> NDArray[np.uint8]:
     """Three 8-bit channels whose distances weigh chroma more than lightness."""
     gain = np.array([1.0, chroma_gain, chroma_gain], dtype=np.float32)
     stretched = lab * gain + np.array([0.0, 128.0, 128.0], dtype=np.float32)
     return np.clip(np.rint(stretched), 0, 255).astype(np.uint8)
 
 
+def _picture(colour: ColourImage, chroma_gain: float) -> NDArray[np.uint8]:
+    """The same straight from 8-bit colours, by way of OpenCV's 8-bit L*a*b*."""
+    lab = cv2.cvtColor(colour, cv2.COLOR_RGB2LAB)
+    levels = np.arange(256, dtype=np.float64)
+    chroma = (levels - 128.0) * chroma_gain + 128.0
+    table = np.stack([levels * 100.0 / 255.0, chroma, chroma], axis=-1)
+    return np.asarray(cv2.LUT(lab, np.clip(np.rint(table), 0, 255).astype(np.uint8)[None]))
+
+
 def _enlarge(mask: Mask, size: tuple[int, int]) -> Mask:
     smooth = cv2.resize(mask.astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
     return np.asarray(smooth >= 0.5)
-
-
-def _window(mask: Mask, margin: int) -> tuple[slice, slice]:
-    """Slices of the mask's bounding box with a margin, inside the picture."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    if len(rows) == 0:
-        return slice(0, mask.shape[0]), slice(0, mask.shape[1])
-    return (
-        slice(max(0, rows[0] - margin), rows[-1] + margin + 1),
-        slice(max(0, columns[0] - margin), columns[-1] + margin + 1),
-    )

@@ -50,6 +50,17 @@ def convex_hull(mask: Mask) -> Mask:
     return hull.astype(np.bool_)
 
 
+def bounding_window(mask: Mask, margin: int) -> tuple[slice, slice]:
+    """Slices of the mask's bounding box with a margin, inside the picture; all of it if empty."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if len(rows) == 0:
+        return slice(0, mask.shape[0]), slice(0, mask.shape[1])
+    return (
+        slice(max(0, rows[0] - margin), rows[-1] + margin + 1),
+        slice(max(0, columns[0] - margin), columns[-1] + margin + 1),
+    )
+
+
 def resize_mask(mask: Mask, shape: tuple[int, ...]) -> Mask:
     """Resize a mask to `shape` (rows, columns) by the nearest pixel."""
     size = (shape[1], shape[0])

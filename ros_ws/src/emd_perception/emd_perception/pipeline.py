@@ -10,9 +10,11 @@ import numpy as np
 from emd_core.frames import FieldOfView, FloatArray
 from emd_core.pinhole_camera import PinholeCamera
 from emd_core.voxel_grid import VoxelGrid
+from emd_perception.cloth_points import ClothPoints, cloth_points
 from emd_perception.config import PerceptionConfig
+from emd_perception.cut_memory import CutMemory
 from emd_perception.depth_image import check_images
-from emd_perception.depth_to_voxel import ClothPoints, cloth_points, voxelise_cloth
+from emd_perception.depth_to_voxel import voxelise_cloth
 from emd_perception.fusion import FusedFrame, fuse_frames
 from emd_perception.image_types import ColourImage, DepthImage, Mask
 from emd_perception.open3d_library import load_open3d
@@ -38,6 +40,7 @@ class _View:
     transform_camera_to_table: FloatArray | None
     config: PerceptionConfig
     chosen_field_of_view: FieldOfView | None
+    last: CutMemory | None = None
 
     @property
     def field_of_view(self) -> FieldOfView:
@@ -62,10 +65,11 @@ def perceive(
     transform_camera_to_table: FloatArray | None = None,
     config: PerceptionConfig | None = None,
     field_of_view: FieldOfView | None = None,
+    last: CutMemory | None = None,
 ) -> Perception:
     """Perceive the cloth in one frame; see `perceive_frames`."""
     return perceive_frames(
-        [colour], [depth], camera, transform_camera_to_table, config, field_of_view
+        [colour], [depth], camera, transform_camera_to_table, config, field_of_view, last
     )
 
 
@@ -76,6 +80,7 @@ def perceive_frames(
     transform_camera_to_table: FloatArray | None = None,
     config: PerceptionConfig | None = None,
     field_of_view: FieldOfView | None = None,
+    last: CutMemory | None = None,
 ) -> Perception:
     """Perceive the cloth in several frames of a scene at rest (paper, IV-B).
 
@@ -92,6 +97,7 @@ def perceive_frames(
         config: Settings; the defaults if None.
         field_of_view: Box of the voxel grid. If None, the default one; without extrinsics it is
             enlarged where the cloth does not fit, and `notes` says so.
+        last: `cut_memory` of the frame before in a stream; see `segment_cloth`.
 
     Raises:
         InvalidInputError: If the images do not have the forms wanted or do not fit together.
@@ -103,7 +109,7 @@ def perceive_frames(
         check_transform(transform_camera_to_table)
     load_open3d()  # once a process; its second is no part of perception
     settings = config or PerceptionConfig()
-    view = _View(camera, transform_camera_to_table, settings, field_of_view)
+    view = _View(camera, transform_camera_to_table, settings, field_of_view, last)
     clock = Stopwatch()
     with clock.stage("fusion"):
         frame = fuse_frames(colours, depths, settings.fusion)
@@ -140,6 +146,7 @@ def _perceive_fused(frame: FusedFrame, view: _View, clock: Stopwatch) -> Percept
         notes=(*table.notes, *cloth.notes),
         milliseconds=clock.milliseconds(),
         image=frame.colour,
+        cut_memory=segmentation.memory,
     )
 
 
@@ -159,7 +166,7 @@ def _region(frame: FusedFrame, table: TablePlane, view: _View) -> Mask:
 def _segment(frame: FusedFrame, table: TablePlane, region: Mask, view: _View) -> Segmentation:
     height = height_above_plane(frame.depth, table.coefficients, view.camera)
     area = pixel_area_on_table(view.camera, table)
-    return segment_cloth(frame.colour, height, area, region, view.config.segmentation)
+    return segment_cloth(frame.colour, height, area, region, view.config.segmentation, view.last)
 
 
 def _voxelise(

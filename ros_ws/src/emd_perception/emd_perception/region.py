@@ -9,7 +9,7 @@ from emd_core.pinhole_camera import PinholeCamera
 from emd_perception.image_types import DepthImage, FloatImage, Mask
 from emd_perception.mask_morphology import convex_hull, opened
 from emd_perception.table_plane import TablePlane
-from emd_perception.unprojection import pixel_rays
+from emd_perception.unprojection import along_rays
 
 _BELOW_TABLE = -0.03  # metres; lower is the floor beside the table
 _LEAST_SLOPE = 0.1  # flatter views of the table count as this flat
@@ -36,17 +36,13 @@ def field_of_view_region(
     margin: float,
 ) -> Mask:
     """Pixels whose ray meets the table within the field of view, enlarged by a share `margin`."""
-    rays_in_table = pixel_rays(camera) @ transform_camera_to_table[:3, :3].T
     camera_in_table = transform_camera_to_table[:3, 3]
-    down = -rays_in_table[..., 2]
-    reach = np.where(down > 0, camera_in_table[2] / np.maximum(down, 1e-9), np.inf)
-    half = field_of_view.half_extent * (1.0 + margin)
-    with np.errstate(invalid="ignore"):
-        within = [
-            np.abs(camera_in_table[axis] + reach * rays_in_table[..., axis]) <= half
-            for axis in (0, 1)
-        ]
-    return np.asarray(within[0] & within[1])
+    x, y, up = (along_rays(axis, camera) for axis in transform_camera_to_table[:3, :3])
+    reach = np.float32(-camera_in_table[2]) / np.minimum(up, np.float32(-1e-9))
+    half = np.float32(field_of_view.half_extent * (1.0 + margin))
+    within_x = np.abs(x * reach + np.float32(camera_in_table[0])) <= half
+    within_y = np.abs(y * reach + np.float32(camera_in_table[1])) <= half
+    return np.asarray(within_x & within_y & (up < 0))
 
 
 def pixel_area_on_table(camera: PinholeCamera, plane: TablePlane) -> FloatImage:
@@ -55,6 +51,6 @@ def pixel_area_on_table(camera: PinholeCamera, plane: TablePlane) -> FloatImage:
     At distance z along the optical axis a pixel covers z^2 / (fx fy) across the axis, and on the
     table 1 / slope as much, where slope is the ray's (z = 1) component along the table's normal.
     """
-    slope = np.maximum(-(pixel_rays(camera) @ plane.normal), _LEAST_SLOPE)
-    depth = plane.coefficients[3] / slope
-    return np.asarray(depth**2 / (camera.fx * camera.fy * slope), dtype=np.float32)
+    slope = np.maximum(-along_rays(plane.normal, camera), np.float32(_LEAST_SLOPE))
+    across = plane.coefficients[3] ** 2 / (camera.fx * camera.fy)
+    return np.asarray(np.float32(across) / (slope * slope * slope))

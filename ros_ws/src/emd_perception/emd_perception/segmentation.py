@@ -10,23 +10,36 @@ import numpy as np
 from emd_core.errors import NoClothError
 from emd_perception.candidates import (
     Thing,
+    blind_patches,
     choose_cloth,
     find_things,
-    height_steps,
-    raised_pixels,
+    only_tall_things,
     tall_pixels,
 )
 from emd_perception.config import SegmentationConfig
+from emd_perception.cut_memory import CutMemory
 from emd_perception.evidence import Evidence, gather_evidence
 from emd_perception.graph_cut import Seeds, cut, refine
+from emd_perception.hands import (
+    intruding_parts,
+    opened_within,
+    outline_hands,
+    painted_over,
+    pieces_behind_hands,
+)
 from emd_perception.image_types import ColourImage, DepthImage, FloatImage, Mask
-from emd_perception.mask_morphology import dilate, erode, label_components, opened, resize_mask
+from emd_perception.mask_morphology import (
+    bounding_window,
+    dilate,
+    erode,
+    label_components,
+    resize_mask,
+)
 from emd_perception.quality import Judgement, combine, good
+from emd_perception.seeding import seed_cut
 
+_FRINGE = 0.3  # of a thing's outline at something tall: it is a part of that
 _MIN_KEPT_SHARE = 0.4  # of the seeds; a cut that keeps less has found something else
-_LEAST_PART = 0.0004  # square metres; smaller parts are not looked at by themselves
-_LIKE_COLOUR = 15.0  # L*a*b* units between the mean colours of two pieces of one cloth
-_REACH = 6  # reduced pixels by which the cut may go beyond the seeds
 
 
 @dataclass(frozen=True)
@@ -37,11 +50,13 @@ class Segmentation:
         mask: Shape (H, W).
         area: Square metres on the table.
         judgements: How far to trust it, and why.
+        memory: For the next frame.
     """
 
     mask: Mask
     area: float
     judgements: tuple[Judgement, ...]
+    memory: CutMemory
 
 
 def segment_cloth(
@@ -50,6 +65,7 @@ def segment_cloth(
     pixel_area: FloatImage,
     region: Mask,
     config: SegmentationConfig | None = None,
+    last: CutMemory | None = None,
 ) -> Segmentation:
     """Find the cloth by GraphCut with automatic seeds (paper, IV-B).
 
@@ -62,6 +78,8 @@ def segment_cloth(
         pixel_area: Table area that a pixel covers, shape (H, W), square metres.
         region: Pixels of interest, shape (H, W); what lies outside is ignored.
         config: Settings; the defaults if None.
+        last: Of the frame before in a stream. Its colour mixtures are kept while the scene stays
+            as it is, which saves learning them; a changed scene is cut as if it were the first.
 
     Raises:
         NoClothError: If nothing in the region can be cloth.
@@ -69,75 +87,38 @@ def segment_cloth(
     settings = config or SegmentationConfig()
     evidence = gather_evidence(colour, height, pixel_area, region, settings)
     tall = tall_pixels(evidence, settings)
-    seeds, chosen = _seed(evidence, tall, settings)
-    first_cut, mixtures = cut(evidence.lab, seeds, settings)
-    pieces = _without_intruders(opened(first_cut, 3), evidence, tall)
+    blind = blind_patches(evidence, tall, settings.min_area)
+    seeds, chosen = seed_cut(evidence, tall, blind, settings)
+    picture = painted_over(evidence.lab, tall | blind, evidence.region & ~evidence.unlike_table)
+    kept = last if last is not None and last.still_holds(evidence.lab, evidence.region) else None
+    first_cut, mixtures = cut(picture, seeds, settings, kept.mixtures if kept else None)
+    intruders = intruding_parts(first_cut, evidence, tall)
+    pieces = opened_within(first_cut & ~dilate(intruders, 3), 3)
     outline = _piece_at(pieces, chosen.mask)
     things = find_things(outline, evidence, tall, settings.min_area)
     if not things or outline[chosen.mask].mean() < _MIN_KEPT_SHARE:
+        if chosen.tall_share > _FRINGE:
+            raise only_tall_things(1)
         raise NoClothError(
             "what differs from the table has no outline in the colour image that holds together; "
             "light the table evenly, or use a cloth of another colour than the table"
         )
     cloth = choose_cloth(things, settings)
-    judgements = _judge(cloth, evidence, settings)
+    judgements = _judge(cloth, seeds, evidence, settings)
     quality, reason = combine(judgements)
     if quality < settings.min_quality:
         raise NoClothError(
             f"what differs most from the table does not look like cloth (quality {quality:.2f}): "
             f"{reason}; put the cloth into view"
         )
-    outline = _behind_hands(pieces, cloth.mask, evidence, tall)
-    mask = refine(colour, outline, mixtures, settings) & region
-    mask = _pieces_near(mask, resize_mask(outline, mask.shape))
-    mask = _fill_holes(mask, pixel_area, height, settings)
-    return Segmentation(mask, float(pixel_area[mask].sum()), judgements)
-
-
-def _seed(evidence: Evidence, tall: Mask, config: SegmentationConfig) -> tuple[Seeds, Thing]:
-    """Turn contrast into seeds; what stands beside the cloth and is none becomes background."""
-    unlike = evidence.region & ~tall & evidence.unlike_table
-    solid = opened(unlike, 3) & ~height_steps(evidence, config)
-    things = find_things(solid, evidence, tall, config.min_area)
-    chosen = choose_cloth(things, config)
-    possible = dilate(chosen.mask, 2 * _REACH + 1)
-    intruders = tall.copy()
-    for thing in things:
-        if thing.is_intruder():
-            intruders |= thing.mask
-        else:
-            possible |= thing.mask
-    surely_not = ~evidence.region | ~possible | intruders
-    strong = evidence.contrast > 1.2 * evidence.threshold
-    surely_cloth = erode(chosen.mask, 5, outside=True) & strong & ~surely_not
-    return Seeds(unlike, surely_cloth, surely_not), chosen
-
-
-def _without_intruders(outline: Mask, evidence: Evidence, tall: Mask) -> Mask:
-    """Take away what a cut has joined with the cloth though it lies high: hands, the robot."""
-    kept = outline.copy()
-    for part in find_things(outline & raised_pixels(evidence), evidence, tall, _LEAST_PART):
-        if part.is_intruder():
-            kept &= ~dilate(part.mask, 7)
-    return opened(kept, 3)
-
-
-def _behind_hands(pieces: Mask, cloth: Mask, evidence: Evidence, tall: Mask) -> Mask:
-    """Add to the cloth what a hand above it cuts off: pieces beyond the hand of like colour."""
-    hand = dilate(tall | (raised_pixels(evidence) & ~cloth), 7)
-    count, labels = label_components(pieces & ~cloth)
-    joined = label_components(cloth | hand)[1]
-    at_cloth = np.unique(joined[cloth])
-    own = evidence.lab[cloth].mean(axis=0)
-    whole = cloth.copy()
-    for label in range(1, count):
-        piece = labels == label
-        touched = np.unique(joined[dilate(piece, 3) & hand])
-        alike = np.linalg.norm(evidence.lab[piece].mean(axis=0) - own) < _LIKE_COLOUR
-        if evidence.pixel_area[piece].sum() >= _LEAST_PART and alike:
-            if np.isin(touched, at_cloth).any():
-                whole |= piece
-    return whole
+    outline = pieces_behind_hands(pieces, cloth.mask, evidence, tall | blind)
+    hands = outline_hands(intruders | tall, height, cloth.median_height)
+    mask = refine(colour, outline, mixtures, settings, hands) & region
+    window = bounding_window(mask, 1)
+    pieces = _pieces_near(mask[window], resize_mask(outline, mask.shape)[window])
+    mask[window] = _fill_holes(pieces, pixel_area[window], height[window], settings)
+    memory = kept or CutMemory(evidence.lab, mixtures)
+    return Segmentation(mask, float(pixel_area[mask].sum()), judgements, memory)
 
 
 def _pieces_near(mask: Mask, guide: Mask) -> Mask:
@@ -170,11 +151,13 @@ def _fill_holes(
     return mask | hole[labels]
 
 
-def _judge(cloth: Thing, evidence: Evidence, config: SegmentationConfig) -> tuple[Judgement, ...]:
+def _judge(
+    cloth: Thing, seeds: Seeds, evidence: Evidence, config: SegmentationConfig
+) -> tuple[Judgement, ...]:
     """Judge contrast, completeness and plausibility of the cloth's outline."""
-    around = dilate(cloth.mask, 9) & evidence.region & ~dilate(cloth.mask, 3)
+    around = dilate(cloth.mask, 7) & evidence.region & ~dilate(cloth.mask, 3)
     inside = float(evidence.unlike_table[cloth.mask].mean())
-    outside = float(1.0 - evidence.unlike_table[around].mean()) if around.any() else 0.0
+    outside = float(1.0 - seeds.cloth[around].mean()) if around.any() else 0.0
     edge = _edge_share(cloth.mask, evidence)
     height = cloth.median_height
     return (

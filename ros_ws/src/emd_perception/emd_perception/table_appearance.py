@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import cv2
@@ -13,11 +14,11 @@ from emd_core.frames import FloatArray
 from emd_perception.config import SegmentationConfig
 from emd_perception.image_types import ColourImage, DepthImage, FloatImage, LabImage, Mask
 
-_CONCENTRATION_STEPS = 8
+_CONCENTRATION_STEPS = 6
 _CONCENTRATED_SHARE = 0.6
 # The covariance of a three-dimensional normal sample against that of its nearest 60 %.
 _CONSISTENCY = 2.0
-_MAX_SAMPLES = 4000
+_MAX_SAMPLES = 1200
 _MIN_SAMPLES = 50
 _TREND_RIDGE = 0.02
 
@@ -55,10 +56,13 @@ def lab_from_rgb(colour: ColourImage) -> LabImage:
     return np.asarray(cv2.cvtColor(scaled, cv2.COLOR_RGB2LAB), dtype=np.float32)
 
 
+@lru_cache(maxsize=8)
 def trend_basis(shape: tuple[int, int]) -> NDArray[np.float32]:
     """Quadratic polynomials of the pixel's place, -1..1 across the picture, shape (H, W, 6)."""
     v, u = np.meshgrid(np.linspace(-1, 1, shape[0]), np.linspace(-1, 1, shape[1]), indexing="ij")
-    return np.stack([np.ones(shape), u, v, u * u, u * v, v * v], axis=-1).astype(np.float32)
+    basis = np.stack([np.ones(shape), u, v, u * u, u * v, v * v], axis=-1).astype(np.float32)
+    basis.flags.writeable = False  # all callers share it
+    return basis
 
 
 def learn_table_appearance(

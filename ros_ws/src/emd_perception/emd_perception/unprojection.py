@@ -7,12 +7,27 @@ import numpy as np
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FloatArray
 from emd_core.pinhole_camera import PinholeCamera
-from emd_perception.image_types import DepthImage, Mask
+from emd_perception.image_types import DepthImage, FloatImage, Mask
 
 
 def pixel_rays(camera: PinholeCamera) -> FloatArray:
     """Direction of each pixel in the camera optical frame with z = 1, shape (H, W, 3)."""
     return camera.unproject(np.ones((camera.height, camera.width)))
+
+
+def along_rays(direction: FloatArray, camera: PinholeCamera) -> FloatImage:
+    """Component of each pixel's ray (z = 1) along a direction, shape (H, W), float32.
+
+    It is a sum of a part for the column and a part for the row, so no ray is built.
+
+    Args:
+        direction: Shape (3,), camera optical frame.
+        camera: The camera of the pixels.
+    """
+    a, b, c = direction
+    of_column = a * (np.arange(camera.width) - camera.cx) / camera.fx + c
+    of_row = b * (np.arange(camera.height) - camera.cy) / camera.fy
+    return np.add(of_column[None, :], of_row[:, None], dtype=np.float32)
 
 
 def unproject_mask(depth: DepthImage, mask: Mask, camera: PinholeCamera) -> FloatArray:
@@ -53,10 +68,8 @@ def height_above_plane(
         InvalidInputError: If the depth image does not have the camera's size.
     """
     _check_shape(depth.shape, camera)
-    a, b, c, d = table_plane
-    u = a * (np.arange(camera.width) - camera.cx) / camera.fx + c
-    v = b * (np.arange(camera.height) - camera.cy) / camera.fy
-    return np.asarray(depth * (u[None, :] + v[:, None]) + d, dtype=np.float32)
+    along = along_rays(table_plane[:3], camera)
+    return np.asarray(depth * along + np.float32(table_plane[3]), dtype=np.float32)
 
 
 def _check_shape(shape: tuple[int, ...], camera: PinholeCamera) -> None:

@@ -1,0 +1,113 @@
+"""The cloth's surface in the table frame, from its pixels and the depth image (paper, IV-B)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from emd_core.errors import NoClothError
+from emd_core.frames import FloatArray
+from emd_core.pinhole_camera import PinholeCamera
+from emd_perception.config import VoxelConfig
+from emd_perception.image_types import ColourImage, DepthImage, Mask
+from emd_perception.mask_morphology import bounding_window
+from emd_perception.square_means import SquareMeans
+from emd_perception.unprojection import along_rays
+
+_MIN_ALIKE = 2  # of the eight squares around a point
+
+
+@dataclass(frozen=True)
+class ClothPoints:
+    """The cloth's surface.
+
+    Attributes:
+        points_in_table: Averaged and cleaned points, shape (N, 3), metres, table frame.
+        colours: Their mean colours, shape (N, 3), RGB uint8.
+        footprint_in_table: x and y of every pixel of the mask, shape (P, 2), metres.
+        known_share: Share of the mask's pixels that had a depth, 0..1.
+        height_error: Standard error of the mean height of a square of 1 m side, as single pixels
+            scatter, metres; that of a smaller square is larger in proportion to 1 / side.
+    """
+
+    points_in_table: FloatArray
+    colours: NDArray[np.uint8]
+    footprint_in_table: FloatArray
+    known_share: float
+    height_error: float
+
+
+def cloth_points(
+    colour: ColourImage,
+    depth: DepthImage,
+    mask: Mask,
+    camera: PinholeCamera,
+    transform_camera_to_table: FloatArray,
+    spacing: float,
+    config: VoxelConfig | None = None,
+) -> ClothPoints:
+    """Unproject the cloth's pixels into the table frame, thin them out by averaging, and clean.
+
+    Args:
+        colour: Shape (H, W, 3), RGB uint8.
+        depth: Shape (H, W), metres, NaN where unknown.
+        mask: The cloth's pixels, shape (H, W).
+        camera: The camera of both images.
+        transform_camera_to_table: Shape (4, 4), metres.
+        spacing: Side of the squares over which points are averaged, metres.
+        config: Outlier removal; the defaults if None.
+
+    Raises:
+        NoClothError: If no pixel of the mask has a depth.
+    """
+    settings = config or VoxelConfig()
+    window = bounding_window(mask, 2)
+    colour, depth, mask = colour[window], depth[window], mask[window]
+    known = mask & np.isfinite(depth) & ~_spikes(depth, settings.max_spike)
+    if not known.any():
+        raise NoClothError(
+            "the cloth was seen in the colour image, but no pixel of it has a depth; is it nearer "
+            "than the sensor's minimum range, or black to its infrared light?"
+        )
+    axes = transform_camera_to_table[:3, :3]
+    rays = np.stack([along_rays(axis, camera)[window][mask] for axis in axes], axis=-1)
+    origin = transform_camera_to_table[:3, 3]
+    points = rays * _filled_depth(depth, mask, known, rays[:, 2], origin[2])[:, None] + origin
+    squares = SquareMeans.of(points[known[mask]], colour[known], spacing)
+    kept = squares.alike_beside(settings.max_lone_height) >= min(_MIN_ALIKE, len(squares) - 1)
+    return ClothPoints(
+        squares.points[kept],
+        np.rint(squares.values[kept]).astype(np.uint8),
+        points[:, :2],
+        float(known.sum() / mask.sum()),
+        spacing * float(np.median(squares.spread / np.sqrt(squares.counts))),
+    )
+
+
+def _spikes(depth: DepthImage, max_spike: float) -> Mask:
+    """Pixels far from the median of the 5 x 5 around them, unknown neighbours apart."""
+    middle = np.asarray(cv2.medianBlur(np.nan_to_num(depth, nan=0.0), 5))
+    return (middle > 0) & (np.abs(depth - middle) > max_spike)
+
+
+def _filled_depth(
+    depth: DepthImage, mask: Mask, known: Mask, falls: NDArray[np.float32], camera_height: float
+) -> FloatArray:
+    """Depth of all pixels of the mask, shape (P,), metres.
+
+    Pixels without a depth take the height of the nearest pixel that has one, so that no part of
+    the cloth vanishes. `falls` is how much height each ray gains per metre of depth.
+    """
+    filled = depth[mask].astype(np.float64)
+    missing = ~known[mask]
+    if missing.any():
+        height = np.full(depth.shape, np.nan)
+        height[mask] = falls * filled + camera_height
+        nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
+        of_nearest = height[tuple(nearest)][mask][missing]
+        filled[missing] = (of_nearest - camera_height) / falls[missing]
+    return filled
