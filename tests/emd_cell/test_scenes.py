@@ -9,6 +9,7 @@ from emd_arm_executor.hiro.cell_geometry import CellGeometry
 from emd_cell.scenes.cloth_states import SHAPES, ClothState, draw_state
 from emd_cell.scenes.looks import CLOTHS, TABLES, draw_look
 from emd_cell.scenes.scene import SceneMaker, column_centres
+from emd_cell.scenes.store import SceneStore, scenes_key
 from emd_cloth_sim.config import ClothConfig
 from emd_cloth_sim.mesh import build_mesh
 from emd_cloth_sim.neat_folds import neat_fold
@@ -83,3 +84,13 @@ def test_looks_and_shapes_of_all_kinds_are_drawn() -> None:
     assert cloths == set(CLOTHS) and tables == set(TABLES)
     drawn = {draw_state(np.random.default_rng(seed), SMALL).shape for seed in range(25)}
     assert drawn >= {"flat", "half", "quarter", "crumpled"} and drawn <= set(SHAPES)
+
+
+def test_a_kept_scene_is_taken_again_and_not_made_anew(tmp_path, monkeypatch) -> None:
+    """The second time the file answers; other arguments get files of their own."""
+    first = SceneStore(0, SMALL, 1, tmp_path).scene(2)
+    monkeypatch.setattr(SceneMaker, "make", None)
+    kept = SceneStore(0, SMALL, 1, tmp_path).scene(2)
+    np.testing.assert_array_equal(kept.depths[0], first.depths[0])
+    assert kept.name == first.name
+    assert scenes_key(0, SMALL, 1) != scenes_key(1, SMALL, 1)
