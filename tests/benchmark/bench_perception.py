@@ -156,12 +156,13 @@ def _row(scene: Scene, timed: bool) -> Row:
 def _seen(scene: Scene) -> NDArray[np.bool_]:
     """Columns, shape (X, Y), all but those of whose cloth the camera sees nothing.
 
-    The middle of a column's cloth is looked up in the true mask, a few pixels around it too.
+    The surroundings of a column's middle, a little more than the column, are looked up in the
+    true mask, so that a column which shows a corner of its cloth counts.
     """
     middles = np.column_stack([column_centres(scene.grid.field_of_view), scene.heights.ravel()])
     to_camera = np.linalg.inv(scene.transform_camera_to_table)
     pixels = np.rint(scene.camera.project(transform_points(to_camera, middles))).astype(int)
-    near = cv2.dilate(scene.mask.astype(np.uint8), np.ones((7, 7), np.uint8))
+    near = cv2.dilate(scene.mask.astype(np.uint8), np.ones((13, 13), np.uint8))
     columns = np.clip(pixels[:, 0], 0, scene.camera.width - 1)
     rows = np.clip(pixels[:, 1], 0, scene.camera.height - 1)
     visible = near[rows, columns].reshape(scene.heights.shape) > 0
