@@ -7,6 +7,7 @@ from perception_scenes import Scene, head_camera_to_table
 from emd_core.errors import NoClothError
 from emd_core.pinhole_camera import PinholeCamera
 from emd_perception.calibration.calibration import Calibration
+from emd_perception.config import PerceptionConfig, SegmentationConfig
 from emd_perception.frame_input import Frame
 from emd_perception.health import Level
 from emd_perception.session import PerceptionSession
@@ -85,6 +86,24 @@ def test_the_same_frame_twice_gives_the_same_grid(flat_scene) -> None:
     np.testing.assert_array_equal(
         first.transform_camera_to_table, second.transform_camera_to_table
     )
+
+
+def test_a_stream_keeps_what_it_learnt_of_the_colours(flat_scene) -> None:
+    """Until the settings change; a capture neither uses it nor changes it."""
+    session = PerceptionSession(TableWatch())
+    pose = flat_scene.transform_camera_to_table
+
+    def memory(config: PerceptionConfig | None = None, streaming: bool = True):
+        frame = frame_of(flat_scene)
+        return session.perceive([frame], pose, 0.0, config, None, streaming).cut_memory
+
+    first = memory()
+    assert first is not None
+    assert memory() is first
+    assert memory(streaming=False) is not first
+    assert memory() is first
+    others = PerceptionConfig(SegmentationConfig(chroma_gain=2.0))
+    assert memory(others) is not first
 
 
 def test_without_extrinsics_it_says_so(flat_scene) -> None:

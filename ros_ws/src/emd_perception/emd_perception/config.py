@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
 from emd_core.errors import InvalidInputError
@@ -14,17 +13,6 @@ def _require(condition: bool, config: object, name: str, wanted: str) -> None:
         raise InvalidInputError(
             f"{type(config).__name__}.{name} must be {wanted}, got {getattr(config, name)}"
         )
-
-
-def _require_positive(config: object, *names: str) -> None:
-    for name in names:
-        value = getattr(config, name)
-        _require(math.isfinite(value) and value > 0, config, name, "positive and finite")
-
-
-def _require_share(config: object, *names: str) -> None:
-    for name in names:
-        _require(0.0 <= getattr(config, name) <= 1.0, config, name, "a share in 0..1")
 
 
 @dataclass(frozen=True)
@@ -57,10 +45,10 @@ class SegmentationConfig:
         random_seed: Seed of GraphCut's colour clustering.
     """
 
-    working_pixels: int = 160 * 120
-    iterations: int = 2
-    refined_band: int = 1
-    chroma_gain: float = 2.5
+    working_pixels: int = bounded(160 * 120, 1024, 10_000_000)
+    iterations: int = bounded(2, 1, 100)
+    refined_band: int = bounded(1, 0, 100)
+    chroma_gain: float = bounded(2.5, 0.01, 100.0)
     chroma_floor: float = bounded(2.0, 0.01, 100.0)
     lightness_floor: float = bounded(16.0, 0.01, 100.0)
     height_floor: float = bounded(0.0006, 1e-5, 0.1)
@@ -74,7 +62,7 @@ class SegmentationConfig:
     max_hole_area: float = bounded(0.002, 1e-6, 10.0)
     min_quality: float = bounded(0.2, 0.0, 1.0)
     region_margin: float = bounded(0.2, 0.0, 10.0)
-    random_seed: int = 0
+    random_seed: int = bounded(0, 0, 2**31 - 1)
 
     def __post_init__(self) -> None:
         """Check the ranges.
@@ -82,10 +70,6 @@ class SegmentationConfig:
         Raises:
             InvalidInputError: If a value is out of its range.
         """
-        _require(self.working_pixels >= 1024, self, "working_pixels", "at least 1024")
-        _require(self.iterations >= 1, self, "iterations", "at least 1")
-        _require(self.refined_band >= 0, self, "refined_band", "0 or more")
-        _require_positive(self, "chroma_gain")
         check_ranges(self)
         _require(
             self.max_contrast >= self.min_contrast, self, "max_contrast", "min_contrast or up"
@@ -145,12 +129,12 @@ class VoxelConfig:
             outline errs by about a pixel.
     """
 
-    max_cells_per_voxel: int = 4
-    max_cell_error: float = 0.0004
-    max_spike: float = 0.02
-    max_lone_height: float = 0.012
-    min_points_in_cell: int = 2
-    min_coverage: float = 0.02
+    max_cells_per_voxel: int = bounded(4, 1, 64)
+    max_cell_error: float = bounded(0.0004, 1e-6, 1.0)
+    max_spike: float = bounded(0.02, 1e-4, 1.0)
+    max_lone_height: float = bounded(0.012, 1e-4, 1.0)
+    min_points_in_cell: int = bounded(2, 1, 1000)
+    min_coverage: float = bounded(0.02, 0.0, 1.0)
 
     def __post_init__(self) -> None:
         """Check the ranges.
@@ -158,10 +142,7 @@ class VoxelConfig:
         Raises:
             InvalidInputError: If a value is out of its range.
         """
-        for name in ("max_cells_per_voxel", "min_points_in_cell"):
-            _require(getattr(self, name) >= 1, self, name, "at least 1")
-        _require_positive(self, "max_spike", "max_lone_height", "max_cell_error")
-        _require_share(self, "min_coverage")
+        check_ranges(self)
 
 
 @dataclass(frozen=True)

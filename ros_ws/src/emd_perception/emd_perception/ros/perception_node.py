@@ -156,7 +156,8 @@ class PerceptionNode(Node):
     def _serve(self, pair: FramePair, started: float) -> None:
         complaint = ""
         try:
-            self._publisher.publish(self._perceive([pair]), pair, self._buffer.dropped)
+            perception = self._perceive([pair], streaming=True)
+            self._publisher.publish(perception, pair, self._buffer.dropped)
         except CellError as err:
             complaint = str(err)
         except Exception as err:  # a fault of ours must not end the stream
@@ -193,7 +194,7 @@ class PerceptionNode(Node):
         response.quality, response.reason = perception.quality, perception.reason
         return response
 
-    def _perceive(self, pairs: list[FramePair]) -> Perception:
+    def _perceive(self, pairs: list[FramePair], streaming: bool = False) -> Perception:
         pose = self._camera_pose
         return self._session.perceive(
             [
@@ -204,6 +205,7 @@ class PerceptionNode(Node):
             pairs[-1].stamp,
             self._core_config.value,
             self._field_of_view.value,
+            streaming,
         )
 
     def _report_health(self) -> None:
