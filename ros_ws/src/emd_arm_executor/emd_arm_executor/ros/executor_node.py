@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rclpy.action.server import ServerGoalHandle
@@ -22,16 +21,21 @@ from emd_arm_executor.motion_planner import MotionPlanner
 from emd_arm_executor.observed_silhouette import silhouette_from_points
 from emd_arm_executor.robot_description import hiro_description, load_description
 from emd_arm_executor.robot_model import RobotModel
+from emd_arm_executor.ros.check_messages import executed_manipulation, fill_check
 from emd_arm_executor.ros.ros_robot import RosRobot
+from emd_arm_executor.silhouette import Silhouette
 from emd_core.errors import NoObservationError
 from emd_core.manipulation import Manipulation
 from emd_core.ros import conversions
+from emd_core.ros.heartbeat import Heartbeat
 from emd_core.ros.markers import BLUE, GREEN, clear_marker, line_marker
 from emd_core.ros.parameters import declare_config
 from emd_core.ros.results import set_error
 from emd_core.ros.spin import spin_node
 from emd_core.ros.worker import SingleWorker
 from emd_msgs_py.action import ExecuteManipulation
+from emd_msgs_py.msg import Manipulation as ManipulationMsg
+from emd_msgs_py.srv import CheckManipulation
 
 # Messages take a while to both controllers.
 _EXECUTION = ExecutionConfig(start_delay=0.05)
@@ -47,7 +51,8 @@ class ExecutorNode(Node):
         file = self.declare_parameter("robot_file", "").value
         description = load_description(Path(file)) if file else hiro_description()
         model = RobotModel(description, config)
-        motion = MotionExecutor(RosRobot(self, description), model)
+        self._robot = RosRobot(self, description)
+        motion = MotionExecutor(self._robot, model)
         self._runner = ManipulationRunner(MotionPlanner(model), motion)
         self._paused = False
         self._points: PointCloud2 | None = None
@@ -63,41 +68,67 @@ class ExecutorNode(Node):
             self._on_go_home,
             callback_group=self._worker.callback_group,
         )
-
+        self.create_service(
+            CheckManipulation,
+            "arm_executor/check_manipulation",
+            self._on_check,
+            callback_group=self._worker.callback_group,
+        )
         self.create_service(
             SetBool,
             "arm_executor/pause",
             self._on_pause,
             callback_group=self._worker.callback_group,
         )
+        self._heartbeat = Heartbeat(self, "arms", lambda: self._worker.what)
 
     def _on_points(self, message: PointCloud2) -> None:
         self._points = message
 
     def _execute(self, goal_handle: ServerGoalHandle, result: ExecuteManipulation.Result) -> None:
         """Plan and move in the worker's thread."""
-        manipulation = conversions.manipulation_from_message(goal_handle.request.manipulation)
-        if self._points is None:
-            raise NoObservationError(
-                "no points have come on perception/points yet; capture the cloth first, so that "
-                "its hem is known"
-            )
-        points = conversions.points_from_message(self._points)
+        manipulation, silhouette = self._task(goal_handle.request.manipulation)
         callbacks = RunCallbacks(
             on_plan=lambda plan: self._announce(plan, result),
             on_progress=lambda *progress: self._feed_back(goal_handle, *progress),
             should_stop=lambda: goal_handle.is_cancel_requested,
             should_pause=lambda: self._paused,
         )
-        self._runner.run(manipulation, silhouette_from_points(points), callbacks)
+        self._runner.run(manipulation, silhouette, callbacks)
 
     def _announce(self, plan: MotionPlan, result: ExecuteManipulation.Result) -> None:
         for reason in plan.rejected:
             self.get_logger().info(f"candidate given up: {reason}")
         self._show(plan)
         result.executed = conversions.manipulation_to_message(
-            _executed(plan), self._table_header()
+            executed_manipulation(plan), self._table_header()
         )
+
+    def _task(self, message: ManipulationMsg) -> tuple[Manipulation, Silhouette]:
+        """Read what is to be done, and with which cloth."""
+        manipulation = conversions.manipulation_from_message(message)
+        if self._points is None:
+            raise NoObservationError(
+                "no points have come on perception/points yet; capture the cloth first, so that "
+                "its hem is known"
+            )
+        points = conversions.points_from_message(self._points)
+        return manipulation, silhouette_from_points(points)
+
+    async def _on_check(
+        self, request: CheckManipulation.Request, response: CheckManipulation.Response
+    ) -> CheckManipulation.Response:
+        try:
+            plan = await self._worker.run(lambda: self._check(request.manipulation))
+        except Exception as err:
+            return set_error(response, err, self)  # type: ignore[no-any-return]
+        self._show(plan)
+        return fill_check(response, plan, self._table_header())
+
+    def _check(self, message: ManipulationMsg) -> MotionPlan:
+        manipulation, silhouette = self._task(message)
+        joints = self._robot.joint_positions()
+        return self._runner.planner.plan_motion(manipulation, silhouette, joints)
 
     def _feed_back(
         self, goal_handle: ServerGoalHandle, plan: MotionPlan, phase: PhaseName, share: float
@@ -145,15 +176,6 @@ class ExecutorNode(Node):
 
     def _table_header(self) -> Header:
         return conversions.header(self.get_clock().now().to_msg(), conversions.TABLE_FRAME)
-
-
-def _executed(plan: MotionPlan) -> Manipulation:
-    """The manipulation with the points that the hands take at the hem."""
-    points = np.full((2, 2), np.nan)
-    for row, grasp in enumerate(plan.grasps.values()):
-        points[row] = grasp.held_point_in_table[:2]
-    displacement: Any = plan.displacement_in_table
-    return Manipulation(points, np.asarray(displacement))
 
 
 def main() -> int:

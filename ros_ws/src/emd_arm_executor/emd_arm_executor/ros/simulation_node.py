@@ -30,6 +30,7 @@ from emd_arm_executor.ros.camera_publisher import CameraPublisher
 from emd_arm_executor.ros.truth_publisher import TruthPublisher
 from emd_core.errors import CellError
 from emd_core.ros import conversions
+from emd_core.ros.heartbeat import Heartbeat
 from emd_core.ros.parameters import declare_config
 from emd_core.ros.quality_of_service import LATCHED
 from emd_core.simulated_cloth import SimulatedCloth
@@ -94,6 +95,7 @@ class SimulationNode(Node):
         self._advertise()
         self._due: dict[str, float] = {}
         self._started = time.monotonic()
+        self._heartbeat = Heartbeat(self, "world", lambda: None)
         self.create_timer(1e-3, self._on_timer)
 
     def _advertise(self) -> None:

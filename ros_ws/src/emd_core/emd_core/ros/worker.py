@@ -33,6 +33,11 @@ class SingleWorker:
         self._lock = threading.Lock()
         self.callback_group = ReentrantCallbackGroup()
 
+    @property
+    def what(self) -> str | None:
+        """What is under way, in the words of the refusal; None while nothing is."""
+        return self._what if self._lock.locked() else None
+
     async def run(self, work: Callable[[], T]) -> T:
         """Run `work` in a thread and give its result or raise its exception.
 

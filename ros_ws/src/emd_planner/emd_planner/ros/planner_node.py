@@ -15,6 +15,7 @@ from visualization_msgs.msg import MarkerArray
 
 from emd_core.errors import DoubtfulPlanError, NoObservationError
 from emd_core.ros import conversions
+from emd_core.ros.heartbeat import Heartbeat
 from emd_core.ros.markers import ORANGE, clear_marker, manipulation_markers, voxel_marker
 from emd_core.ros.parameters import declare_config
 from emd_core.ros.results import set_error
@@ -64,6 +65,7 @@ class PlannerNode(Node):
             self._on_request,
             callback_group=self._worker.callback_group,
         )
+        self._heartbeat = Heartbeat(self, "plans", lambda: self._worker.what)
 
     def _declare_most_doubt(self) -> None:
         span = FloatingPointRange(from_value=0.0, to_value=1.0)
