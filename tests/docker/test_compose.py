@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from emd_cell.nodes import cell_nodes
+from emd_cell.nodes import cell_nodes, console_node
 
+NODES = [*cell_nodes(), console_node()]
 ROOT = Path(__file__).parents[2]
 DOCKER = ROOT / "docker"
 
@@ -19,16 +20,16 @@ def compose() -> dict:
 
 
 def test_there_is_one_service_for_each_node(compose):
-    """The services are the nodes of the cell, and each starts its own node and no other."""
+    """The services are the nodes and the console; each starts its own node and no other."""
     services = compose["services"]
-    assert list(services) == [node.name for node in cell_nodes()]
+    assert list(services) == [node.name for node in NODES]
     for name, service in services.items():
         assert service["command"][:3] == ["up", "--only", name]
 
 
 def test_a_service_is_restarted_if_its_node_is(compose):
     """Compose restarts what the launcher would restart, and nothing else."""
-    for node in cell_nodes():
+    for node in NODES:
         assert (compose["services"][node.name]["restart"] != "no") == node.restart
 
 

@@ -79,11 +79,41 @@ def up(
     only: Annotated[
         list[str] | None, typer.Option(help="start only this node; repeatable")
     ] = None,
+    listen: Annotated[
+        str, typer.Option(help="console's address; beyond this machine it asks for tokens")
+    ] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="console's port, or the next free; 0: none")
+    ] = 8765,
 ) -> None:
-    """Start the cell and leave it running until Ctrl-C."""
-    from emd_cell.up import run_cell
+    """Start the cell with its console and leave it running until Ctrl-C."""
+    from emd_cell.up import UpOptions, run_cell
 
-    run_cell(logs, gui, seed, real_time_factor, only or [], console)
+    options = UpOptions(logs, gui, seed, real_time_factor, tuple(only or ()), listen, port)
+    run_cell(options, console)
+
+
+@app.command(name="console")
+def console_command(
+    listen: Annotated[
+        str, typer.Option(help="address; beyond this machine it asks for tokens")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=1, max=65535, help="or the next free one")] = 8765,
+    tokens: Annotated[
+        bool, typer.Option("--tokens", help="ask for tokens on this machine, too")
+    ] = False,
+    directory: Annotated[Path, typer.Option(help="recordings and the log of commands")] = Path(
+        "runs/console"
+    ),
+    reliable: Annotated[
+        bool,
+        typer.Option(help="ask for lost images again; --no-reliable for drivers that do not"),
+    ] = True,
+) -> None:
+    """Serve the operator's console to any running cell, until Ctrl-C."""
+    from emd_cell.console_command import run_console
+
+    raise typer.Exit(run_console(listen, port, tokens, directory, reliable))
 
 
 @app.command()

@@ -8,6 +8,7 @@ from typing import Any
 from emd_cell.launcher import NodeSpec
 
 RECORDER = "recorder"
+CONSOLE = "console"
 
 
 def cell_nodes(
@@ -45,3 +46,20 @@ def recorder_node(directory: Path) -> NodeSpec:
         {"use_sim_time": True, "reliable": True, "directory": str(directory.resolve())},
         restart=False,
     )
+
+
+def console_node(
+    host: str = "127.0.0.1", port: int = 8765, tokens: bool = False, directory: Path | None = None
+) -> NodeSpec:
+    """The operator's console.
+
+    Args:
+        host: Address to listen on; anything but this machine's own needs `tokens`.
+        port: TCP port.
+        tokens: Whether visitors must show a token.
+        directory: Where it records; its default if None.
+    """
+    parameters: dict[str, Any] = {"host": host, "port": port, "tokens": tokens, "reliable": True}
+    if directory is not None:
+        parameters["directory"] = str(directory)
+    return NodeSpec(CONSOLE, "emd_console.ros.console_main", parameters)

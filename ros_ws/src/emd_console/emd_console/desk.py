@@ -1,0 +1,300 @@
+"""What the operator does with the cell: look, plan, teach, accept, execute, stop, record."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from emd_console.cell_port import CellPort, Check, Observation, Plan
+from emd_console.example import Example
+from emd_console.example_store import ExampleStore
+from emd_console.goals import FILE, PRESENT, Goal, neat_goal
+from emd_console.projection import TableProjection
+from emd_console.teaching import Lesson
+from emd_core.errors import BusyError, CancelledError, CellError, InvalidInputError
+from emd_core.manipulation import Manipulation
+from emd_core.metrics import voxel_mse
+from emd_core.voxel_grid import VoxelGrid
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A plan that waits for the operator's word.
+
+    Attributes:
+        goal: What it leads to.
+        seen: The state from which it was made.
+        plan: The manipulations, with predictions.
+        mse_now: Voxel MSE of that state to the goal.
+    """
+
+    goal: Goal
+    seen: Observation
+    plan: Plan
+    mse_now: float
+
+
+@dataclass(frozen=True)
+class Fold:
+    """A manipulation that was carried out.
+
+    Attributes:
+        kind: taught or planned.
+        goal: Title of its goal, or empty.
+        mse_before: Voxel MSE to the goal before, as the camera sees it; None without a goal.
+        mse_after: The same after it.
+        seconds: From its start to the look after it.
+        finished: Seconds of the desk's clock.
+        example: Number of its recording.
+    """
+
+    kind: str
+    goal: str
+    mse_before: float | None
+    mse_after: float | None
+    seconds: float
+    finished: float
+    example: int
+
+
+@dataclass
+class Desk:
+    """The state of the work, shared by all pages; one piece of work at a time.
+
+    Attributes:
+        port: The cell.
+        store: Where examples are recorded.
+        restarts: Random initialisations of the search; 0: the planner's default.
+        seed: Of the next search; every further search for a goal takes the next one.
+        goal: What is chosen.
+        proposal: The plan that waits for the operator's word.
+        lesson: What is drawn on the picture.
+        check: What the executor says of the lesson.
+        refusal: Why the executor cannot do the lesson.
+        seen: The last look.
+        folds: What was carried out.
+        doing: What is under way, in words; empty while nothing is.
+        pausing: Whether to go no further after the present manipulation.
+        message: The last outcome, in words.
+        failed: Whether that was an error.
+        who: Who gave the present command.
+        clock: Gives seconds.
+    """
+
+    port: CellPort
+    store: ExampleStore
+    restarts: int = 0
+    seed: int = 0
+    goal: Goal | None = None
+    proposal: Proposal | None = None
+    lesson: Lesson = field(default_factory=Lesson)
+    check: Check | None = None
+    refusal: str = ""
+    seen: Observation | None = None
+    folds: list[Fold] = field(default_factory=list)
+    doing: str = ""
+    pausing: bool = False
+    message: str = ""
+    failed: bool = False
+    who: str = "operator"
+    clock: Callable[[], float] = lambda: asyncio.get_running_loop().time()
+
+    async def work(self, doing: str, task: Callable[[], Any]) -> bool:
+        """Do one thing and keep its outcome in `message`; False if it failed.
+
+        Raises:
+            BusyError: If something else is under way.
+        """
+        if self.doing:
+            raise BusyError(f"the cell is {self.doing}; wait, or press stop")
+        self.doing, self.pausing, self.failed = doing, False, False
+        try:
+            self.message = await task() or ""
+        except CancelledError as err:
+            self.message, self.failed = f"stopped: {err}", True
+        except CellError as err:
+            self.message, self.failed = str(err), True
+        finally:
+            self.doing = ""
+        return not self.failed
+
+    def choose_goal(self, name: str) -> None:
+        """Take a neat fold, or the last look, as goal.
+
+        Raises:
+            InvalidInputError: If there is no such goal or nothing was looked at yet.
+        """
+        if name == PRESENT:
+            if self.seen is None:
+                raise InvalidInputError("look at the cloth first, then take what is seen as goal")
+            self._take_goal(Goal(PRESENT, "As it lay before", self.seen.grid))
+        else:
+            self._take_goal(neat_goal(name))
+
+    def take_file(self, grid: VoxelGrid) -> None:
+        """Take an uploaded grid as goal."""
+        self._take_goal(Goal(FILE, "From a file", grid))
+
+    async def look(self) -> str:
+        """Observe the cloth."""
+        self.seen = await self.port.capture()
+        return f"cloth seen, quality {self.seen.quality:.2f}: {self.seen.reason}"
+
+    async def plan(self, steps: int = 0) -> str:
+        """Look, then plan to the chosen goal; `steps` 0: as many as the fold takes by hand."""
+        goal = self.goal
+        if goal is None:
+            raise InvalidInputError("choose a goal first")
+        self.proposal = None
+        await self.look()
+        assert self.seen is not None
+        seen = self.seen
+        plan = await self.port.plan(
+            seen.grid, goal.grid, steps or goal.steps, self.seed, self.restarts
+        )
+        self.seed += 1
+        self.proposal = Proposal(goal, seen, plan, voxel_mse(seen.grid, goal.grid))
+        return f"a plan of {len(plan.manipulations)} manipulation(s) is ready; look at it"
+
+    def discard(self) -> None:
+        """Drop the plan that waits."""
+        self.proposal = None
+
+    async def execute_step(self) -> str:
+        """Carry out the plan's first manipulation and look."""
+        proposal = self._accepted()
+        self.proposal = None
+        manipulation = proposal.plan.manipulations[0]
+        fold = await self._carry_out(manipulation, "planned", proposal.seen, proposal)
+        return _outcome(fold)
+
+    async def execute_all(self) -> str:
+        """Carry the plan out, looking and planning anew after every manipulation (paper, V-A)."""
+        steps = len(self._accepted().plan.manipulations)
+        text = await self.execute_step()
+        for remaining in range(steps - 1, 0, -1):
+            if self.pausing:
+                return f"{text}; paused with {remaining} to go, plan again to go on"
+            await self.plan(remaining)
+            text = await self.execute_step()
+        return text
+
+    async def check_lesson(self, projection: TableProjection | None) -> str:
+        """Ask the executor whether the arms can do what was drawn; nothing moves."""
+        self.check, self.refusal = None, ""
+        if projection is None:
+            raise InvalidInputError("the camera's calibration and pose are not known yet; wait")
+        manipulation = self.lesson.manipulation(projection)
+        if self.seen is None:
+            await self.look()
+        try:
+            self.check = await self.port.check(manipulation)
+        except CellError as err:
+            self.refusal = str(err)
+            raise
+        arms = " and ".join(self.check.arms)
+        return f"the {arms} arm can do this in {self.check.duration:.0f} s; execute it?"
+
+    async def execute_lesson(self, projection: TableProjection | None) -> str:
+        """Look, and carry out what was drawn, after it was checked."""
+        if self.check is None or projection is None:
+            raise InvalidInputError("draw a manipulation that the arms can do first")
+        manipulation = self.lesson.manipulation(projection)
+        await self.look()
+        assert self.seen is not None
+        fold = await self._carry_out(manipulation, "taught", self.seen, None)
+        self.clear_lesson()
+        return _outcome(fold)
+
+    def clear_lesson(self) -> None:
+        """Forget what was drawn."""
+        self.lesson.clear()
+        self.check, self.refusal = None, ""
+
+    async def go_home(self) -> str:
+        """Send both arms home."""
+        await self.port.go_home()
+        return "both arms are home"
+
+    async def reset(self) -> str:
+        """Lay a flat cloth in the simulation and look."""
+        await self.port.reset()
+        self.proposal = None
+        self.clear_lesson()
+        return await self.look()
+
+    def stop(self) -> None:
+        """Cancel every motion and search; at any time."""
+        self.pausing = True
+        self.port.stop()
+
+    def folds_an_hour(self) -> float:
+        """Manipulations an hour since the first one began; NaN before it."""
+        if not self.folds:
+            return math.nan
+        begun = self.folds[0].finished - self.folds[0].seconds
+        return 3600.0 * len(self.folds) / max(self.clock() - begun, 1.0)
+
+    def _take_goal(self, goal: Goal) -> None:
+        self.goal, self.proposal = goal, None
+
+    def _accepted(self) -> Proposal:
+        if self.proposal is None:
+            raise InvalidInputError("there is no plan to execute; plan first")
+        return self.proposal
+
+    async def _carry_out(
+        self, planned: Manipulation, kind: str, before: Observation, proposal: Proposal | None
+    ) -> Fold:
+        """Execute, look, record."""
+        started = self.clock()
+        executed = await self.port.execute(planned)
+        after = self.seen = await self.port.capture()
+        goal = proposal.goal if proposal else None
+        scores = [voxel_mse(seen.grid, goal.grid) if goal else None for seen in (before, after)]
+        details: dict[str, Any] = {
+            "goal": goal.name if goal else None,
+            "mse_before": scores[0],
+            "mse_after": scores[1],
+        }
+        if proposal is not None:
+            details["plan"] = plan_figures(proposal.plan)
+        example = Example(
+            before,
+            after,
+            planned,
+            executed,
+            kind,
+            self.who,
+            goal.grid if goal else None,
+            details,
+        )
+        stored = await asyncio.to_thread(self.store.add, example)
+        title = goal.title if goal else ""
+        now = self.clock()
+        fold = Fold(kind, title, scores[0], scores[1], now - started, now, stored.number)
+        self.folds.append(fold)
+        return fold
+
+
+def plan_figures(plan: Plan) -> dict[str, float | None]:
+    """A plan's figures as JSON holds them; unknown ones are None."""
+    figures = {
+        "predicted_loss": plan.predicted_loss,
+        "expected_error": plan.expected_error,
+        "failure_probability": plan.failure_probability,
+        "planning_seconds": plan.planning_seconds,
+    }
+    return {name: value if math.isfinite(value) else None for name, value in figures.items()}
+
+
+def _outcome(fold: Fold) -> str:
+    if fold.mse_after is None or fold.mse_before is None:
+        return f"done in {fold.seconds:.0f} s; recorded as example {fold.example}"
+    return (
+        f"voxel MSE to the goal {fold.mse_before:.4f} before, {fold.mse_after:.4f} after; "
+        f"recorded as example {fold.example}"
+    )

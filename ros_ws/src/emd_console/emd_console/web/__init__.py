@@ -1,0 +1,1 @@
+"""What is served to browsers: pages, the live stream, and who may see and do what."""

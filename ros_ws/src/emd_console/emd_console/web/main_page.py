@@ -1,0 +1,110 @@
+"""The page of the cell: what it sees and intends, and what the operator does about it."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from nicegui import ui
+from starlette.requests import Request
+
+from emd_console.access import Role
+from emd_console.goals import gallery
+from emd_console.sections import heights
+from emd_console.session import Session
+from emd_console.web.console import Console
+from emd_console.web.controls import guarded
+from emd_console.web.frame import page_frame
+from emd_console.web.goal_panel import GoalPanel
+from emd_console.web.guard import ROLE
+from emd_console.web.sections_html import figure
+from emd_console.web.teach_panel import TeachPanel
+from emd_console.web.work_panel import WorkPanel
+
+_REFRESH = 0.4  # seconds
+
+
+def add_main_page(console: Console) -> None:
+    """Serve the page at `/`."""
+
+    @ui.page("/", response_timeout=10.0)
+    def main_page(request: Request) -> None:
+        _build(console, open_session(console, request))
+
+
+def open_session(console: Console, request: Request) -> Session:
+    """Make a visitor's session; the first operator commands."""
+    role: Role = request.scope[ROLE]
+    client = request.client.host if request.client else "unknown"
+    session = Session(console.desk, console.lease, console.log, role, client)
+    if session.may_operate and console.lease.holder is None:
+        session.take_command()
+    ui.context.client.on_delete(session.leave)
+    return session
+
+
+def _build(console: Console, session: Session) -> None:
+    refresh = page_frame(console, session)
+    with ui.element("main").classes("board"):
+        with ui.element("section").classes("card camera"):
+            _camera()
+            teach = TeachPanel(console, session)
+        with ui.element("section").classes("card plan"):
+            goals = GoalPanel(console, session)
+            with ui.element("div").classes("grids"):
+                for name, title in (("now", "Now"), ("predicted", "Predicted"), ("goal", "Goal")):
+                    figure(name, title)
+            work = WorkPanel(console, session)
+        with ui.element("section").classes("card history"):
+            ui.html('<div id="folds"></div>', sanitize=False)
+        with ui.element("section").classes("card tabs"):
+            scene = _tabs()
+    _data(scene)
+
+    def update() -> None:
+        if ui.context.client.has_socket_connection:
+            console.lease.seen(session.identity)
+        for part in (refresh, teach.refresh, goals.refresh, work.refresh):
+            guarded(part)()
+
+    ui.timer(_REFRESH, update)
+    update()
+
+
+def _camera() -> None:
+    with ui.element("div").classes("screen").props('id="screen"'):
+        ui.html('<canvas id="picture" width="640" height="480"></canvas>', sanitize=False)
+        ui.html(
+            '<canvas id="overlay" width="640" height="480" tabindex="0" role="application" '
+            'aria-label="Camera picture. In teach mode, drag from grasp to release; or move the '
+            'cross with the arrow keys and press Enter."></canvas>',
+            sanitize=False,
+        )
+        ui.html('<div id="picture-note">waiting for the camera</div>', sanitize=False)
+
+
+def _tabs() -> int:
+    """Build the panels below; gives the 3D scene's element id."""
+    names = {"robot": "Robot", "search": "Search", "nodes": "Nodes"}
+    buttons = "".join(
+        f'<button role="tab" data-tab="{name}" data-key="{number}">{title}</button>'
+        for number, (name, title) in enumerate(names.items(), start=1)
+    )
+    ui.html(f'<div role="tablist" class="tablist">{buttons}</div>', sanitize=False)
+    with ui.element("div").classes("panel").props('data-panel="robot"'):
+        scene = ui.scene(width=420, height=230, grid=False, fps=10, background_color="#ffffff")
+        scene.classes("robot")
+        scene.move_camera(x=1.05, y=0.75, z=0.55, look_at_x=0.22, look_at_z=0.08, duration=0)
+    for name in ("search", "nodes"):
+        content = '<canvas id="curve"></canvas>' if name == "search" else ""
+        with ui.element("div").classes("panel").props(f'data-panel="{name}"'):
+            ui.html(f'<div id="{name}">{content}</div>', sanitize=False)
+    return scene.id
+
+
+def _data(scene: int) -> None:
+    """Hand the page what its scripts need from the beginning."""
+    thumbs = {goal.name: heights(goal.grid) for goal in gallery()}
+    data: dict[str, Any] = {"scene": scene, "gallery": thumbs}
+    ui.add_body_html(f"<script>window.EMD = {json.dumps(data)}</script>")
+    ui.add_body_html('<script type="module" src="/static/console.js"></script>')
