@@ -20,7 +20,8 @@ class ConsoleConfig:
         directory: Where examples and the log of commands are kept.
         reliable: Whether lost images are asked for again, which needs publishers that offer it.
         camera_rate: Pictures a second that a viewer is sent at most.
-        restarts: Random initialisations of a search; 0: the planner's default.
+        restarts: Random initialisations of a search, as many as the folding loop takes; 0: the
+            planner's default.
     """
 
     host: str = "127.0.0.1"
@@ -31,7 +32,7 @@ class ConsoleConfig:
     directory: str = "runs/console"
     reliable: bool = False
     camera_rate: float = 15.0
-    restarts: int = 0
+    restarts: int = 24
 
     def __post_init__(self) -> None:
         """Check the ranges.

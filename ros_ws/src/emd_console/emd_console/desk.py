@@ -71,6 +71,7 @@ class Desk:
         seed: Of the next search; every further search for a goal takes the next one.
         goal: What is chosen.
         proposal: The plan that waits for the operator's word.
+        executing: The plan whose first manipulation is being carried out.
         lesson: What is drawn on the picture.
         check: What the executor says of the lesson.
         refusal: Why the executor cannot do the lesson.
@@ -90,6 +91,7 @@ class Desk:
     seed: int = 0
     goal: Goal | None = None
     proposal: Proposal | None = None
+    executing: Proposal | None = None
     lesson: Lesson = field(default_factory=Lesson)
     check: Check | None = None
     refusal: str = ""
@@ -166,9 +168,12 @@ class Desk:
     async def execute_step(self) -> str:
         """Carry out the plan's first manipulation and look."""
         proposal = self._accepted()
-        self.proposal = None
+        self.proposal, self.executing = None, proposal
         manipulation = proposal.plan.manipulations[0]
-        fold = await self._carry_out(manipulation, "planned", proposal.seen, proposal)
+        try:
+            fold = await self._carry_out(manipulation, "planned", proposal.seen, proposal)
+        finally:
+            self.executing = None
         return _outcome(fold)
 
     async def execute_all(self) -> str:
@@ -230,6 +235,11 @@ class Desk:
         """Cancel every motion and search; at any time."""
         self.pausing = True
         self.port.stop()
+
+    @property
+    def shown(self) -> Proposal | None:
+        """The plan to look at: the one that waits, or that is carried out."""
+        return self.proposal or self.executing
 
     def folds_an_hour(self) -> float:
         """Manipulations an hour since the first one began; NaN before it."""

@@ -61,8 +61,8 @@ def overlay(now: Snapshot, desk: Desk) -> dict[str, Any]:
         "check": None,
     }
     if projection is not None:
-        shown = desk.proposal.plan.manipulations if desk.proposal else now.search.best
-        if desk.proposal or now.planning:
+        shown = desk.shown.plan.manipulations if desk.shown else now.search.best
+        if desk.shown or now.planning:
             result["arrows"] = [_arrows(item, projection) for item in shown]
         result["check"] = _check(desk, projection)
     return result
@@ -70,7 +70,7 @@ def overlay(now: Snapshot, desk: Desk) -> dict[str, Any]:
 
 def grids(now: Snapshot, desk: Desk) -> dict[str, Any]:
     """Heights of the present, the predicted and the goal state."""
-    proposal = desk.proposal
+    proposal = desk.shown
     predicted = proposal.plan.predicted_grids[-1] if proposal else None
     goal = desk.goal
     return {

@@ -1,4 +1,4 @@
-"""One visitor's page: what it may command, and that all it commands is logged."""
+"""One visitor: what may be commanded, and that all that is commanded is logged."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from emd_core.errors import BusyError, CellError
 
 @dataclass
 class Session:
-    """A visitor with an open page.
+    """A visitor with open pages.
 
     Attributes:
         desk: The work that all share.
@@ -24,7 +24,7 @@ class Session:
         log: Of all commands.
         role: What this visitor may do.
         name: How the visitor is called.
-        identity: Unlike every other session's.
+        identity: Of the visitor's browser; its pages command together.
     """
 
     desk: Desk
@@ -56,9 +56,9 @@ class Session:
         self.log.write(self.who, "take command", "done" if got else "asked for")
         return got
 
-    def leave(self) -> None:
-        """The page was closed."""
-        self.lease.release(self.identity)
+    def seen(self) -> None:
+        """The visitor is there. Who is not seen for a while commands no longer."""
+        self.lease.seen(self.identity)
 
     async def give(
         self, command: str, doing: str, task: Callable[[], Awaitable[str]], **details: Any

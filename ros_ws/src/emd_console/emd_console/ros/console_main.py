@@ -10,6 +10,7 @@ from pathlib import Path
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 
 from emd_console.access import AccessPolicy, Tokens
 from emd_console.cell_state import CellState
@@ -106,7 +107,7 @@ def main(arguments: list[str] | None = None) -> int:
     Args:
         arguments: As on a node's command line; the process's own if None.
     """
-    rclpy.init(args=arguments)
+    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)  # the server has
     node = Node("console")
     try:
         serve(node)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qsl, urlencode
@@ -12,6 +13,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from emd_console.access import COOKIE, AccessPolicy
 
 ROLE = "emd_role"
+VISITOR = "emd_visitor"
 LARGEST_BODY = 512 * 1024
 _HEADERS = [
     (b"x-content-type-options", b"nosniff"),
@@ -26,7 +28,11 @@ _HEADERS = [
 
 
 class Guard:
-    """ASGI middleware; what passes has its role in `scope["emd_role"]`."""
+    """ASGI middleware.
+
+    What passes has its role in `scope["emd_role"]` and the name of its browser, from a cookie, in
+    `scope["emd_visitor"]`.
+    """
 
     def __init__(self, app: ASGIApp, policy: AccessPolicy) -> None:
         """Let through to `app` what `policy` allows."""
@@ -44,7 +50,7 @@ class Guard:
             return
         query = dict(parse_qsl(scope.get("query_string", b"").decode("latin-1")))
         token = query.get("token")
-        role = self._policy.role(token if token is not None else _cookie(headers))
+        role = self._policy.role(token if token is not None else _cookie(headers, COOKIE))
         if role is None:
             text = "a link with a token is needed; the console printed it when it started"
             await _refuse(scope, receive, send, 401, text)
@@ -55,8 +61,10 @@ class Guard:
         if _too_large(headers):
             await _refuse(scope, receive, send, 413, f"at most {LARGEST_BODY} bytes are taken")
             return
-        scope[ROLE] = role
-        await self._app(scope, _bounded(receive), _with_headers(send))
+        known = _cookie(headers, VISITOR)
+        scope[ROLE], scope[VISITOR] = role, known or secrets.token_hex(16)
+        fresh = None if known else scope[VISITOR]
+        await self._app(scope, _bounded(receive), _with_headers(send, fresh))
 
 
 def _headers(scope: Scope) -> dict[str, str]:
@@ -65,9 +73,9 @@ def _headers(scope: Scope) -> dict[str, str]:
     }
 
 
-def _cookie(headers: dict[str, str]) -> str | None:
+def _cookie(headers: dict[str, str], name: str) -> str | None:
     try:
-        found = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
+        found = SimpleCookie(headers.get("cookie", "")).get(name)
     except CookieError:
         return None
     return found.value if found else None
@@ -103,10 +111,14 @@ def _bounded(receive: Receive) -> Receive:
     return bounded
 
 
-def _with_headers(send: Send) -> Send:
+def _with_headers(send: Send, visitor: str | None) -> Send:
+    """Add the headers of every answer, and a cookie for a browser that has no name yet."""
+    cookie = f"{VISITOR}={visitor}; Path=/; HttpOnly; SameSite=Strict"
+    more = [*_HEADERS, *([(b"set-cookie", cookie.encode())] if visitor else [])]
+
     async def sending(message: Message) -> None:
         if message["type"] == "http.response.start":
-            message = {**message, "headers": [*message.get("headers", []), *_HEADERS]}
+            message = {**message, "headers": [*message.get("headers", []), *more]}
         await send(message)
 
     return sending

@@ -16,7 +16,7 @@ from emd_console.web.console import Console
 from emd_console.web.controls import guarded
 from emd_console.web.frame import page_frame
 from emd_console.web.goal_panel import GoalPanel
-from emd_console.web.guard import ROLE
+from emd_console.web.guard import ROLE, VISITOR
 from emd_console.web.sections_html import figure
 from emd_console.web.teach_panel import TeachPanel
 from emd_console.web.work_panel import WorkPanel
@@ -35,35 +35,38 @@ def add_main_page(console: Console) -> None:
 def open_session(console: Console, request: Request) -> Session:
     """Make a visitor's session; the first operator commands."""
     role: Role = request.scope[ROLE]
-    client = request.client.host if request.client else "unknown"
-    session = Session(console.desk, console.lease, console.log, role, client)
+    visitor: str = request.scope[VISITOR]
+    address = request.client.host if request.client else "unknown"
+    name = f"{address} {visitor[:4]}"
+    session = Session(console.desk, console.lease, console.log, role, name, visitor)
     if session.may_operate and console.lease.holder is None:
         session.take_command()
-    ui.context.client.on_delete(session.leave)
     return session
 
 
 def _build(console: Console, session: Session) -> None:
     refresh = page_frame(console, session)
     with ui.element("main").classes("board"):
-        with ui.element("section").classes("card camera"):
-            _camera()
-            teach = TeachPanel(console, session)
-        with ui.element("section").classes("card plan"):
-            goals = GoalPanel(console, session)
-            with ui.element("div").classes("grids"):
-                for name, title in (("now", "Now"), ("predicted", "Predicted"), ("goal", "Goal")):
-                    figure(name, title)
-            work = WorkPanel(console, session)
-        with ui.element("section").classes("card history"):
-            ui.html('<div id="folds"></div>', sanitize=False)
-        with ui.element("section").classes("card tabs"):
-            scene = _tabs()
+        with ui.element("div").classes("column"):
+            with ui.element("section").classes("card"):
+                _camera()
+                teach = TeachPanel(console, session)
+            with ui.element("section").classes("card history"):
+                ui.html('<div id="folds"></div>', sanitize=False)
+        with ui.element("div").classes("column"):
+            with ui.element("section").classes("card"):
+                goals = GoalPanel(console, session)
+                with ui.element("div").classes("grids"):
+                    for name in ("now", "predicted", "goal"):
+                        figure(name, name.capitalize())
+                work = WorkPanel(console, session)
+            with ui.element("section").classes("card tabs"):
+                scene = _tabs()
     _data(scene)
 
     def update() -> None:
         if ui.context.client.has_socket_connection:
-            console.lease.seen(session.identity)
+            session.seen()
         for part in (refresh, teach.refresh, goals.refresh, work.refresh):
             guarded(part)()
 

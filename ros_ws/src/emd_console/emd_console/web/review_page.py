@@ -28,7 +28,7 @@ def add_review_page(console: Console) -> None:
 
         def update() -> None:
             if ui.context.client.has_socket_connection:
-                console.lease.seen(session.identity)
+                session.seen()
             refresh()
 
         ui.timer(0.4, update)

@@ -61,8 +61,8 @@ class WorkPanel:
         self._home.set_enabled(free)
         self._reset.set_visibility(desk.port.can_reset())
         self._reset.set_enabled(free)
-        self._trust.text = trust_text(desk.proposal)
-        doubtful = desk.proposal is not None and is_doubtful(desk.proposal)
+        self._trust.text = trust_text(desk.shown)
+        doubtful = desk.shown is not None and is_doubtful(desk.shown)
         self._trust.classes(add="doubtful") if doubtful else self._trust.classes(remove="doubtful")
 
     def _on_pause(self) -> None:

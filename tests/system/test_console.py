@@ -1,0 +1,252 @@
+"""The operator's console in a real browser, on the simulated cell."""
+
+import importlib.util
+import json
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from emd_arm_executor.hiro.description import OBSERVE, transform_camera_to_table
+from emd_cell.launcher import Launcher, NodeSpec
+from emd_cell.nodes import console_node
+from emd_cloth_sim.config import ClothConfig
+from emd_cloth_sim.neat_folds import neat_fold
+from emd_console.port import free_port
+from emd_console.projection import TableProjection
+from emd_core.frames import FieldOfView
+from emd_core.metrics import voxel_mse
+from emd_core.pinhole_camera import PinholeCamera
+from emd_core.sequence_reader import SequenceReader
+from emd_core.voxel_grid import VoxelGrid
+
+pytestmark = pytest.mark.system
+
+OPERATOR, VIEWER = "operator-of-the-test", "viewer-of-the-test"
+HEAD = OBSERVE.by_joint()
+PROJECTION = TableProjection(
+    PinholeCamera(), transform_camera_to_table(HEAD["HEAD_JOINT0"], HEAD["HEAD_JOINT1"])
+)
+HARMLESS = ("GL Driver Message",)  # what a browser without a graphics card says
+
+
+def load_browser() -> ModuleType:
+    """The helper beside this file."""
+    file = Path(__file__).with_name("browser.py")
+    specification = importlib.util.spec_from_file_location("system_browser", file)
+    assert specification is not None and specification.loader is not None
+    module = sys.modules["system_browser"] = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
+
+
+tools = load_browser()
+Open = Callable[..., Any]
+
+
+def goal_of(name: str) -> VoxelGrid:
+    """What a neat fold should look like."""
+    return neat_fold(name, ClothConfig()).goal_grid(FieldOfView())
+
+
+def pixel(x: float, y: float) -> tuple[float, float]:
+    """Where a point of the table is in the picture."""
+    column, row = PROJECTION.pixels(np.array([[x, y, 0.0]]))[0]
+    return float(column), float(row)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """A headless chromium, or a skip."""
+    with tools.chromium() as started:
+        yield started
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory) -> Path:
+    """Where the console records."""
+    return Path(tmp_path_factory.mktemp("console"))
+
+
+@pytest.fixture(scope="module")
+def address(browser, client, recordings) -> Iterator[str]:
+    """A console with tokens at the running cell."""
+    port = free_port("127.0.0.1", 8790)
+    node = console_node("127.0.0.1", port, True, recordings)
+    tokens = {"operator_token": OPERATOR, "viewer_token": VIEWER}
+    spec = NodeSpec(node.name, node.module, {**node.parameters, **tokens})
+    with Launcher([spec], recordings / "logs") as console:
+        tools.wait_for_port(port, console.require_alive)
+        yield f"http://127.0.0.1:{port}/"
+
+
+@pytest.fixture
+def open_page(browser, address) -> Iterator[Open]:
+    """Opens pages, as visitors of their own."""
+    opened: list[Any] = []
+
+    def visit(token: str, path: str = "", size: Any = None, dark: bool = False) -> Any:
+        link = f"{address}{path}?token={token}"
+        page = tools.ConsolePage(browser, link, size or tools.LAPTOP, dark)
+        opened.append(page)
+        return page
+
+    yield visit
+    for page in opened:
+        page.close()
+
+
+@pytest.fixture
+def operator(open_page, fresh_cloth) -> Any:
+    """An operator's page that shows the cell."""
+    page = open_page(OPERATOR)
+    page.wait_for_picture()
+    page.take_command()
+    return page
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize("size", ["LAPTOP", "TABLET"])
+def test_the_page_loads_without_an_error_and_shows_the_cell(open_page, size, dark) -> None:
+    """Picture, nodes and stop button are there, on a laptop and a tablet, light and dark."""
+    page = open_page(OPERATOR, size=getattr(tools, size), dark=dark)
+    page.wait_for_picture()
+    page.wait_for_status("ready")
+    page.page.wait_for_timeout(1500)
+    page.screenshot(f"page_{size.lower()}_{'dark' if dark else 'light'}")
+    assert [text for text in page.errors if not text.startswith(HARMLESS)] == []
+    assert page.page.locator("#stop").is_visible()
+    assert "token" not in page.page.url
+
+
+def test_a_half_fold_dragged_with_the_mouse_folds_the_cloth(operator, client, recordings) -> None:
+    """Both hands are drawn and checked; what was done is on disk and on the review page."""
+    before = voxel_mse(client.true_grid(), goal_of("half"))
+    operator.press("t")
+    operator.drag(pixel(-0.2, -0.2), pixel(0.2, -0.2))
+    assert "can do this" in operator.wait_for_message("can do this")
+    operator.click_picture(*pixel(-0.2, 0.2))
+    assert "left and right" in operator.wait_for_message("left and right")
+    operator.screenshot("teach_checked")
+    operator.press("r")
+    operator.wait_for_status("moving: carry", 300)
+    operator.screenshot("teach_moving")
+    assert "recorded as example 0" in operator.wait_for_message("recorded", 400)
+    operator.screenshot("teach_done")
+    assert voxel_mse(client.true_grid(), goal_of("half")) < 0.5 * before
+    (sequence,) = SequenceReader([recordings / "examples" / "example_00000"])
+    assert voxel_mse(VoxelGrid(sequence.grids[1]), goal_of("half")) < 0.5 * before
+    operator.page.goto(operator.page.url + "review")
+    operator.page.wait_for_selector("article.example")
+    operator.page.get_by_text("Accept", exact=True).click()
+    operator.page.wait_for_selector("article.example.accepted")
+    operator.page.wait_for_timeout(800)
+    operator.screenshot("review")
+    review = json.loads((recordings / "examples/example_00000/review.json").read_text())
+    assert review["verdict"] == "accepted"
+
+
+def test_the_diagonal_of_the_gallery_is_planned_and_executed(operator, client) -> None:
+    """The prediction and its trust figure are shown before anything moves."""
+    before = client.true_grid()
+    operator.page.click('[data-goal="diagonal"]')
+    operator.press("p")
+    assert "is ready" in operator.wait_for_message("is ready", 400)
+    operator.page.wait_for_timeout(1000)
+    operator.screenshot("plan")
+    assert "expected" in operator.page.inner_text("#trust")
+    assert (client.true_grid().occupancy == before.occupancy).all()
+    operator.press("e")
+    assert "recorded as example" in operator.wait_for_message("recorded", 400)
+    operator.page.wait_for_timeout(1000)
+    operator.screenshot("plan_done")
+    goal = goal_of("diagonal")
+    assert voxel_mse(client.true_grid(), goal) < voxel_mse(before, goal)
+
+
+def test_stop_ends_a_motion(operator, client) -> None:
+    """By the Escape key; the message says so and the arms are still."""
+    operator.press("t")
+    operator.drag(pixel(-0.2, -0.2), pixel(0.1, -0.2))
+    operator.wait_for_message("can do this")
+    operator.press("r")
+    operator.wait_for_status("moving: approach", 200)
+    operator.page.wait_for_timeout(1000)
+    operator.page.keyboard.press("Escape")
+    assert "stopped" in operator.wait_for_message("stopped")
+    operator.screenshot("stopped")
+    assert (client.true_grid().occupancy == client.true_grid().occupancy).all()
+    client.go_home()
+
+
+def test_a_viewer_sees_everything_and_can_move_nothing(open_page, address, client) -> None:
+    """No button works, and an event forged in the page's console does neither."""
+    page = open_page(VIEWER)
+    page.wait_for_picture()
+    page.page.wait_for_timeout(1500)
+    page.screenshot("viewer")
+    for key in "lpern":
+        assert page.page.locator(f'[data-key="{key}"]').first.is_disabled()
+    before = client.true_grid()
+    page.page.keyboard.press("t")
+    page.drag(pixel(-0.2, -0.2), pixel(0.2, -0.2))
+    page.page.evaluate("emitEvent('teach_drag', {points: [[200, 110], [200, 380]]})")
+    page.page.wait_for_timeout(1500)
+    assert "viewers only look" in page.page.inner_text("body")
+    assert (client.true_grid().occupancy == before.occupancy).all()
+    assert json.loads(page.page.evaluate("JSON.stringify(page.sections.overlay.check)")) is None
+
+
+def test_a_wrong_token_sees_nothing(open_page) -> None:
+    """Not a word about the cell."""
+    page = open_page("wrong-token-of-the-test")
+    assert page.answer.status == 401
+    assert "robot" not in page.page.content() and page.page.locator("canvas").count() == 0
+
+
+def test_a_second_operator_waits_until_the_first_hands_over(operator, open_page) -> None:
+    """The first is asked, and consents."""
+    second = open_page(OPERATOR)
+    second.wait_for_picture()
+    assert second.page.locator('[data-key="l"]').is_disabled()
+    second.page.get_by_text("Take command").click()
+    operator.page.get_by_text("Hand over").click()
+    second.wait_until_enabled("l")
+    second.page.wait_for_timeout(800)
+    operator.screenshot("handed_over")
+    assert operator.page.locator('[data-key="l"]').is_disabled()
+
+
+def test_a_killed_node_is_named_and_its_return_too(operator, launcher) -> None:
+    """The page says which node is silent, and that it is back."""
+    os.kill(launcher.process_id("planner"), signal.SIGSTOP)
+    operator.page.wait_for_selector('[data-tab="nodes"].alarm', timeout=60_000)
+    operator.page.click('[data-tab="nodes"]')
+    operator.page.wait_for_selector("li.silent")
+    operator.screenshot("node_silent")
+    assert "planner" in operator.page.inner_text("li.silent")
+    os.kill(launcher.process_id("planner"), signal.SIGKILL)
+    operator.page.wait_for_selector('[data-tab="nodes"]:not(.alarm)', timeout=180_000)
+    operator.screenshot("node_back")
+    operator.page.click('[data-tab="robot"]')
+
+
+def test_malformed_requests_and_messages_change_nothing(
+    operator, address, client, recordings
+) -> None:
+    """Two hundred of them: no crash, no traceback, nothing moved, and the page goes on."""
+    before = client.true_grid()
+    answers = tools.malformed(address, OPERATOR, 200)
+    assert len(answers) == 200
+    assert not any("Traceback" in answer for answer in answers)
+    operator.press("l")
+    assert "cloth" in operator.wait_for_message("cloth seen")
+    assert (client.true_grid().occupancy == before.occupancy).all()
+    done = [json.loads(line) for line in (recordings / "commands.jsonl").open()]
+    assert done[-1]["command"] == "look"
