@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from fake_cell import HALF, example, observation
 
-from emd_console.example_store import ACCEPTED, REJECTED, ExampleStore, Review
+from emd_console.example_store import ACCEPTED, REJECTED, ExampleStore, Review, export_examples
 from emd_console.goals import neat_goal
 from emd_core.errors import BusyError, InvalidInputError
 from emd_core.sequence_reader import SequenceReader
@@ -62,19 +62,19 @@ def test_the_export_holds_what_was_accepted_and_can_be_trained_on(store, tmp_pat
         store.add(example())
         store.review(number, Review(REJECTED if number == 3 else ACCEPTED))
     out = tmp_path / "data"
-    assert store.export(out) == 19
+    assert export_examples(store.root, out) == 19
     reader = SequenceReader([out])
     assert [sequence.index for sequence in reader] == [n for n in range(20) if n != 3]
     assert load_sequences([out]).manipulation_count == 19
     with pytest.raises(InvalidInputError, match="not empty"):
-        store.export(out)
+        export_examples(store.root, out)
 
 
 def test_an_export_of_nothing_is_refused(store, tmp_path) -> None:
     """With the remedy."""
     store.add(example())
     with pytest.raises(InvalidInputError, match="review"):
-        store.export(tmp_path / "data")
+        export_examples(store.root, tmp_path / "data")
 
 
 def test_no_path_leads_out_of_the_store(store) -> None:

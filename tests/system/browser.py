@@ -47,6 +47,7 @@ class ConsolePage:
         """Open the page in a browser context of its own, so that it is a visitor of its own."""
         scheme = "dark" if dark else "light"
         self.context = browser.new_context(viewport=size, color_scheme=scheme)
+        self.context.set_default_timeout(120_000)  # another's work may keep the machine busy
         self.page = self.context.new_page()
         self.errors: list[str] = []
         self.page.on("pageerror", lambda err: self.errors.append(str(err)))

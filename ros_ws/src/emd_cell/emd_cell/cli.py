@@ -116,6 +116,24 @@ def console_command(
     raise typer.Exit(run_console(listen, port, tokens, directory, reliable))
 
 
+@app.command(name="export-examples")
+def export_examples(
+    out: Annotated[Path, typer.Option(help="new folder")],
+    directory: Annotated[Path, typer.Option(help="the console's directory")] = Path(
+        "runs/console"
+    ),
+    verdict: Annotated[str, typer.Option(help="accepted, undecided or rejected")] = "accepted",
+) -> None:
+    """Write manipulations that the console recorded as a data set to train on."""
+    from emd_console.example_store import VERDICTS, export_examples
+    from emd_core.errors import InvalidInputError
+
+    if verdict not in VERDICTS:
+        raise InvalidInputError(f"--verdict must be of {', '.join(VERDICTS)}, got {verdict!r}")
+    count = export_examples(directory / "examples", out, verdict)
+    print(f"{count} manipulations written: {out}")
+
+
 @app.command()
 def perceive(
     color: Annotated[Path, typer.Option(help="colour image")],

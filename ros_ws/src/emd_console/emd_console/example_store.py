@@ -92,9 +92,9 @@ class ExampleStore:
         Raises:
             InvalidInputError: If it cannot be written.
         """
-        number = max((item for item in self._numbers()), default=-1) + 1
+        number = max(_numbers(self.root), default=-1) + 1
         partial = self.root / f"{_PARTIAL}{number:05d}"
-        folder = self._folder(number)
+        folder = _folder(self.root, number)
         try:
             partial.mkdir()
             example.write(partial, number, datetime.now(UTC).isoformat(timespec="seconds"))
@@ -107,7 +107,7 @@ class ExampleStore:
 
     def all(self) -> list[StoredExample]:
         """Every example, the newest first."""
-        return [self.get(number) for number in sorted(self._numbers(), reverse=True)]
+        return [self.get(number) for number in sorted(_numbers(self.root), reverse=True)]
 
     def get(self, number: int) -> StoredExample:
         """Read an example's record.
@@ -115,12 +115,7 @@ class ExampleStore:
         Raises:
             InvalidInputError: If there is none of that number, or it cannot be read.
         """
-        folder = self._folder(number)
-        try:
-            entry = json.loads((folder / ENTRY).read_text())
-        except (OSError, ValueError) as err:
-            raise InvalidInputError(f"there is no example {number} in {self.root}") from err
-        return StoredExample(number, folder, entry, _review(folder))
+        return _read(self.root, number)
 
     def review(self, number: int, review: Review) -> None:
         """Say what an example is worth.
@@ -143,32 +138,47 @@ class ExampleStore:
         """A JPEG of `before` or `after`; None if there is none."""
         if moment not in ("before", "after"):
             return None
-        file = self._folder(number) / f"{moment}.jpg"
+        file = _folder(self.root, number) / f"{moment}.jpg"
         return file.read_bytes() if file.is_file() else None
 
-    def export(self, out: Path, verdict: str = ACCEPTED) -> int:
-        """Write the examples of one verdict as a data set; gives their number.
 
-        Raises:
-            InvalidInputError: If there is none, or `out` is not empty.
-        """
-        chosen = [item for item in reversed(self.all()) if item.review.verdict == verdict]
-        if not chosen:
-            raise InvalidInputError(f"{self.root} holds no example that is {verdict}; review them")
-        if out.exists() and any(out.iterdir()):
-            raise InvalidInputError(f"{out} is not empty; name a new folder")
-        for shard, start in enumerate(range(0, len(chosen), _PER_SHARD)):
-            parts = chosen[start : start + _PER_SHARD]
-            joined = SequenceShard.join([SequenceShard.read(i.folder / SHARD) for i in parts])
-            joined.write(out / f"shard_{shard:05d}.npz")
-        return len(chosen)
+def export_examples(root: Path, out: Path, verdict: str = ACCEPTED) -> int:
+    """Write a store's examples of one verdict as a data set, also while a console records there.
 
-    def _folder(self, number: int) -> Path:
-        return self.root / f"example_{number:05d}"
+    Raises:
+        InvalidInputError: If there is none, or `out` is not empty.
+    """
+    found = [_read(root, number) for number in sorted(_numbers(root))] if root.is_dir() else []
+    chosen = [item for item in found if item.review.verdict == verdict]
+    if not chosen:
+        raise InvalidInputError(
+            f"{root} holds no example that is {verdict}; record and review some on the console"
+        )
+    if out.exists() and any(out.iterdir()):
+        raise InvalidInputError(f"{out} is not empty; name a new folder")
+    for shard, start in enumerate(range(0, len(chosen), _PER_SHARD)):
+        parts = chosen[start : start + _PER_SHARD]
+        joined = SequenceShard.join([SequenceShard.read(item.folder / SHARD) for item in parts])
+        joined.write(out / f"shard_{shard:05d}.npz")
+    return len(chosen)
 
-    def _numbers(self) -> list[int]:
-        found = (_NAME.fullmatch(path.name) for path in self.root.iterdir())
-        return [int(match[1]) for match in found if match]
+
+def _folder(root: Path, number: int) -> Path:
+    return root / f"example_{number:05d}"
+
+
+def _numbers(root: Path) -> list[int]:
+    found = (_NAME.fullmatch(path.name) for path in root.iterdir())
+    return [int(match[1]) for match in found if match]
+
+
+def _read(root: Path, number: int) -> StoredExample:
+    folder = _folder(root, number)
+    try:
+        entry = json.loads((folder / ENTRY).read_text())
+    except (OSError, ValueError) as err:
+        raise InvalidInputError(f"there is no example {number} in {root}") from err
+    return StoredExample(number, folder, entry, _review(folder))
 
 
 def _review(folder: Path) -> Review:

@@ -27,7 +27,7 @@ _REFRESH = 0.4  # seconds
 def add_main_page(console: Console) -> None:
     """Serve the page at `/`."""
 
-    @ui.page("/", response_timeout=10.0)
+    @ui.page("/", response_timeout=30.0)
     def main_page(request: Request) -> None:
         _build(console, open_session(console, request))
 

@@ -20,7 +20,7 @@ _SHOWN = 60
 def add_review_page(console: Console) -> None:
     """Serve the page at `/review`."""
 
-    @ui.page("/review")
+    @ui.page("/review", response_timeout=30.0)
     def review_page(request: Request) -> None:
         session = open_session(console, request)
         refresh = page_frame(console, session)

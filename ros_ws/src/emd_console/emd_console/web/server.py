@@ -9,6 +9,7 @@ from fastapi import FastAPI, Response, WebSocket
 from nicegui import ui
 from starlette.staticfiles import StaticFiles
 
+from emd_console.goals import gallery
 from emd_console.web.console import STATIC, Console
 from emd_console.web.guard import Guard
 from emd_console.web.main_page import add_main_page
@@ -20,6 +21,7 @@ _TITLE = "EMD cell"
 
 def make_app(console: Console) -> FastAPI:
     """Build the application; one in a process, since NiceGUI keeps one."""
+    gallery()  # folded once, before anybody waits for it
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     app.mount("/static", StaticFiles(directory=STATIC))
     _add_stream(app, console)
