@@ -1,11 +1,9 @@
 """A console's desk at a cell that obeys."""
 
-import importlib.util
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
+from fake_cell import FakeCell
 
 from emd_console.command_log import CommandLog
 from emd_console.desk import Desk
@@ -13,23 +11,9 @@ from emd_console.example_store import ExampleStore
 from emd_console.operator_lease import OperatorLease
 
 
-def _load_fake_cell() -> None:
-    """Tests import it as `fake_cell`."""
-    file = Path(__file__).with_name("fake_cell.py")
-    specification = importlib.util.spec_from_file_location("fake_cell", file)
-    assert specification is not None and specification.loader is not None
-    sys.modules["fake_cell"] = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(sys.modules["fake_cell"])
-
-
-_load_fake_cell()
-
-
 @pytest.fixture
-def cell():
+def cell() -> FakeCell:
     """A cell that obeys."""
-    from fake_cell import FakeCell
-
     return FakeCell()
 
 

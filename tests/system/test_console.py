@@ -1,15 +1,13 @@
 """The operator's console in a real browser, on the simulated cell."""
 
-import importlib.util
 import json
 import os
 import signal
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
+import browser_page
 import numpy as np
 import pytest
 
@@ -33,20 +31,7 @@ HEAD = OBSERVE.by_joint()
 PROJECTION = TableProjection(
     PinholeCamera(), transform_camera_to_table(HEAD["HEAD_JOINT0"], HEAD["HEAD_JOINT1"])
 )
-HARMLESS = ("GL Driver Message",)  # what a browser without a graphics card says
 
-
-def load_browser() -> ModuleType:
-    """The helper beside this file."""
-    file = Path(__file__).with_name("browser.py")
-    specification = importlib.util.spec_from_file_location("system_browser", file)
-    assert specification is not None and specification.loader is not None
-    module = sys.modules["system_browser"] = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(module)
-    return module
-
-
-tools = load_browser()
 Open = Callable[..., Any]
 
 
@@ -64,7 +49,7 @@ def pixel(x: float, y: float) -> tuple[float, float]:
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
     """A headless chromium, or a skip."""
-    with tools.chromium() as started:
+    with browser_page.chromium() as started:
         yield started
 
 
@@ -82,7 +67,7 @@ def address(browser, client, recordings) -> Iterator[str]:
     tokens = {"operator_token": OPERATOR, "viewer_token": VIEWER}
     spec = NodeSpec(node.name, node.module, {**node.parameters, **tokens})
     with Launcher([spec], recordings / "logs") as console:
-        tools.wait_for_port(port, console.require_alive)
+        browser_page.wait_for_port(port, console.require_alive)
         yield f"http://127.0.0.1:{port}/"
 
 
@@ -93,7 +78,7 @@ def open_page(browser, address) -> Iterator[Open]:
 
     def visit(token: str, path: str = "", size: Any = None, dark: bool = False) -> Any:
         link = f"{address}{path}?token={token}"
-        page = tools.ConsolePage(browser, link, size or tools.LAPTOP, dark)
+        page = browser_page.ConsolePage(browser, link, size or browser_page.LAPTOP, dark)
         opened.append(page)
         return page
 
@@ -115,12 +100,12 @@ def operator(open_page, fresh_cloth) -> Any:
 @pytest.mark.parametrize("size", ["LAPTOP", "TABLET"])
 def test_the_page_loads_without_an_error_and_shows_the_cell(open_page, size, dark) -> None:
     """Picture, nodes and stop button are there, on a laptop and a tablet, light and dark."""
-    page = open_page(OPERATOR, size=getattr(tools, size), dark=dark)
+    page = open_page(OPERATOR, size=getattr(browser_page, size), dark=dark)
     page.wait_for_picture()
     page.wait_for_status("ready")
     page.page.wait_for_timeout(1500)
     page.screenshot(f"page_{size.lower()}_{'dark' if dark else 'light'}")
-    assert [text for text in page.errors if not text.startswith(HARMLESS)] == []
+    assert page.errors == []
     assert page.page.locator("#stop").is_visible()
     assert "token" not in page.page.url
 
@@ -185,44 +170,6 @@ def test_stop_ends_a_motion(operator, client) -> None:
     client.go_home()
 
 
-def test_a_viewer_sees_everything_and_can_move_nothing(open_page, address, client) -> None:
-    """No button works, and an event forged in the page's console does neither."""
-    page = open_page(VIEWER)
-    page.wait_for_picture()
-    page.page.wait_for_timeout(1500)
-    page.screenshot("viewer")
-    for key in "lpern":
-        assert page.page.locator(f'[data-key="{key}"]').first.is_disabled()
-    before = client.true_grid()
-    page.page.keyboard.press("t")
-    page.drag(pixel(-0.2, -0.2), pixel(0.2, -0.2))
-    page.page.evaluate("emitEvent('teach_drag', {points: [[200, 110], [200, 380]]})")
-    page.page.wait_for_timeout(1500)
-    assert "viewers only look" in page.page.inner_text("body")
-    assert (client.true_grid().occupancy == before.occupancy).all()
-    assert json.loads(page.page.evaluate("JSON.stringify(page.sections.overlay.check)")) is None
-
-
-def test_a_wrong_token_sees_nothing(open_page) -> None:
-    """Not a word about the cell."""
-    page = open_page("wrong-token-of-the-test")
-    assert page.answer.status == 401
-    assert "robot" not in page.page.content() and page.page.locator("canvas").count() == 0
-
-
-def test_a_second_operator_waits_until_the_first_hands_over(operator, open_page) -> None:
-    """The first is asked, and consents."""
-    second = open_page(OPERATOR)
-    second.wait_for_picture()
-    assert second.page.locator('[data-key="l"]').is_disabled()
-    second.page.get_by_text("Take command").click()
-    operator.page.get_by_text("Hand over").click()
-    second.wait_until_enabled("l")
-    second.page.wait_for_timeout(800)
-    operator.screenshot("handed_over")
-    assert operator.page.locator('[data-key="l"]').is_disabled()
-
-
 def test_a_killed_node_is_named_and_its_return_too(operator, launcher) -> None:
     """The page says which node is silent, and that it is back."""
     os.kill(launcher.process_id("planner"), signal.SIGSTOP)
@@ -235,18 +182,3 @@ def test_a_killed_node_is_named_and_its_return_too(operator, launcher) -> None:
     operator.page.wait_for_selector('[data-tab="nodes"]:not(.alarm)', timeout=180_000)
     operator.screenshot("node_back")
     operator.page.click('[data-tab="robot"]')
-
-
-def test_malformed_requests_and_messages_change_nothing(
-    operator, address, client, recordings
-) -> None:
-    """Two hundred of them: no crash, no traceback, nothing moved, and the page goes on."""
-    before = client.true_grid()
-    answers = tools.malformed(address, OPERATOR, 200)
-    assert len(answers) == 200
-    assert not any("Traceback" in answer for answer in answers)
-    operator.press("l")
-    assert "cloth" in operator.wait_for_message("cloth seen")
-    assert (client.true_grid().occupancy == before.occupancy).all()
-    done = [json.loads(line) for line in (recordings / "commands.jsonl").open()]
-    assert done[-1]["command"] == "look"

@@ -28,12 +28,13 @@ def require_chromium() -> str:
 
 
 @contextmanager
-def chromium() -> Iterator[Any]:
-    """A running browser."""
+def chromium(scene: bool = True) -> Iterator[Any]:
+    """A running browser; without `scene` it draws nothing in 3D, which takes long in software."""
     executable = require_chromium()
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    arguments = [*_ARGUMENTS, *([] if scene else ["--disable-3d-apis"])]
     with playwright.sync_playwright() as started:
-        browser = started.chromium.launch(executable_path=executable, args=[*_ARGUMENTS])
+        browser = started.chromium.launch(executable_path=executable, args=arguments)
         try:
             yield browser
         finally:
