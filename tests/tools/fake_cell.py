@@ -73,9 +73,10 @@ class FakeCell:
         return Plan((HALF,) * steps, (goal,) * steps, 0.001, 0.002, float("nan"), 0.5)
 
     async def check(self, manipulation: Manipulation) -> Check:
-        """Both arms can do anything."""
+        """The arms can do anything, coming from the far side."""
         self._note("check")
-        return Check(manipulation, ("left", "right"), np.array([[1.0, 0.0], [1.0, 0.0]]))
+        hands = sum(manipulation.used)
+        return Check(manipulation, ("left", "right")[:hands], np.array([[1.0, 0.0]] * hands))
 
     async def execute(self, manipulation: Manipulation) -> Manipulation:
         """Fold in half, at once or never."""

@@ -8,56 +8,17 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from emd_console.cell_port import CellPort, Check, Observation, Plan
+from emd_console.cell_port import CellPort, Check, Observation
 from emd_console.example import Example
 from emd_console.example_store import ExampleStore
 from emd_console.goals import FILE, PRESENT, Goal, neat_goal
+from emd_console.outcomes import Fold, Proposal, plan_figures
 from emd_console.projection import TableProjection
 from emd_console.teaching import Lesson
 from emd_core.errors import BusyError, CancelledError, CellError, InvalidInputError
 from emd_core.manipulation import Manipulation
 from emd_core.metrics import voxel_mse
 from emd_core.voxel_grid import VoxelGrid
-
-
-@dataclass(frozen=True)
-class Proposal:
-    """A plan that waits for the operator's word.
-
-    Attributes:
-        goal: What it leads to.
-        seen: The state from which it was made.
-        plan: The manipulations, with predictions.
-        mse_now: Voxel MSE of that state to the goal.
-    """
-
-    goal: Goal
-    seen: Observation
-    plan: Plan
-    mse_now: float
-
-
-@dataclass(frozen=True)
-class Fold:
-    """A manipulation that was carried out.
-
-    Attributes:
-        kind: taught or planned.
-        goal: Title of its goal, or empty.
-        mse_before: Voxel MSE to the goal before, as the camera sees it; None without a goal.
-        mse_after: The same after it.
-        seconds: From its start to the look after it.
-        finished: Seconds of the desk's clock.
-        example: Number of its recording.
-    """
-
-    kind: str
-    goal: str
-    mse_before: float | None
-    mse_after: float | None
-    seconds: float
-    finished: float
-    example: int
 
 
 @dataclass
@@ -174,7 +135,7 @@ class Desk:
             fold = await self._carry_out(manipulation, "planned", proposal.seen, proposal)
         finally:
             self.executing = None
-        return _outcome(fold)
+        return fold.outcome
 
     async def execute_all(self) -> str:
         """Carry the plan out, looking and planning anew after every manipulation (paper, V-A)."""
@@ -212,7 +173,7 @@ class Desk:
         assert self.seen is not None
         fold = await self._carry_out(manipulation, "taught", self.seen, None)
         self.clear_lesson()
-        return _outcome(fold)
+        return fold.outcome
 
     def clear_lesson(self) -> None:
         """Forget what was drawn."""
@@ -288,23 +249,3 @@ class Desk:
         fold = Fold(kind, title, scores[0], scores[1], now - started, now, stored.number)
         self.folds.append(fold)
         return fold
-
-
-def plan_figures(plan: Plan) -> dict[str, float | None]:
-    """A plan's figures as JSON holds them; unknown ones are None."""
-    figures = {
-        "predicted_loss": plan.predicted_loss,
-        "expected_error": plan.expected_error,
-        "failure_probability": plan.failure_probability,
-        "planning_seconds": plan.planning_seconds,
-    }
-    return {name: value if math.isfinite(value) else None for name, value in figures.items()}
-
-
-def _outcome(fold: Fold) -> str:
-    if fold.mse_after is None or fold.mse_before is None:
-        return f"done in {fold.seconds:.0f} s; recorded as example {fold.example}"
-    return (
-        f"voxel MSE to the goal {fold.mse_before:.4f} before, {fold.mse_after:.4f} after; "
-        f"recorded as example {fold.example}"
-    )

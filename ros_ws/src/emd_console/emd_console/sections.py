@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from emd_console.cell_state import CellState, Snapshot
-from emd_console.desk import Desk, plan_figures
+from emd_console.desk import Desk
+from emd_console.outcomes import plan_figures
 from emd_console.projection import TableProjection
 from emd_core.frames import FloatArray, inverse_transform
 from emd_core.manipulation import Manipulation

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import logging
 import time
 from collections.abc import Callable
 from typing import Any
@@ -16,6 +17,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from emd_console.cell_state import CellState
 
+_LOG = logging.getLogger(__name__)
 _PERIOD = 0.2  # seconds between looks at what has changed
 _POSE_PERIOD = 0.1
 _QUALITY = 80
@@ -79,7 +81,8 @@ class LiveFeed:
             )
         ]
         try:
-            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            ended, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            _complain(ended)
         finally:
             self.viewers -= 1
             for task in tasks:
@@ -154,3 +157,11 @@ class LiveFeed:
             return b""
         good, data = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
         return data.tobytes() if good else b""
+
+
+def _complain(tasks: set[asyncio.Task[None]]) -> None:
+    """Log why a stream ended, unless the page just left."""
+    for task in tasks:
+        error = task.exception()
+        if error is not None and not isinstance(error, (WebSocketDisconnect, RuntimeError)):
+            _LOG.error("a page's stream failed", exc_info=error)

@@ -6,7 +6,7 @@ import math
 
 from nicegui import ui
 
-from emd_console.desk import Proposal
+from emd_console.outcomes import Proposal
 from emd_console.session import Session
 from emd_console.web.console import Console
 from emd_console.web.controls import button, giving, guarded
