@@ -35,8 +35,8 @@ from emd_core.ros import conversions
 from emd_msgs_py.action import ExecuteManipulation
 
 VIEWERS = 10
-ROUNDS = 3
-SECONDS = 12.0
+ROUNDS = 2
+SECONDS = 8.0
 STILL = 0.02  # rad/s
 STOPS = 3
 ONE_HAND = Manipulation([[-0.2, -0.2], [float("nan")] * 2], [0.15, 0.15])  # type: ignore[arg-type]

@@ -91,7 +91,7 @@ def trust_text(proposal: Proposal | None) -> str:
     if math.isnan(chance):
         trust = "how often such plans fail is not known"
     else:
-        trust = f"{1 - chance:.0%} likely to work"
+        trust = f"{min(max(1 - chance, 0.01), 0.99):.0%} likely to work"  # never sure
     text = (
         f"Voxel MSE {proposal.mse_now:.4f} now, {plan.expected_error:.4f} expected; {trust}. "
         f"Planned in {plan.planning_seconds:.1f} s."
