@@ -118,6 +118,7 @@ def test_a_half_fold_dragged_with_the_mouse_folds_the_cloth(operator, client, re
     assert "can do this" in operator.wait_for_message("can do this")
     operator.click_picture(*pixel(-0.2, 0.2))
     assert "left and right" in operator.wait_for_message("left and right")
+    operator.wait_until_enabled("r")
     operator.screenshot("teach_checked")
     operator.press("r")
     operator.wait_for_status("moving: carry", 300)
