@@ -69,8 +69,7 @@ def _measure(client: CellClient, folder: Path) -> BenchmarkResult:
                 {"viewers": VIEWERS, **watched, "memory_growth_mb": _memory(console) - begun}
             )
     with _console(folder / "views") as (address, _):
-        views = [asyncio.run(_first_picture(address)) for _ in range(5)]
-    stops = [_stop(client) for _ in range(STOPS)]
+        views, stops = _in_browser(client, f"http://{address}/")
     pace = {
         key: statistics.median(row["pace"] for row in rows if row["viewers"] == key)
         for key in (None, 0, VIEWERS)
