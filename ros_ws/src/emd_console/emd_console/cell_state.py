@@ -65,7 +65,7 @@ class Snapshot:
     cloth_states: FloatArray | None = None
     robot: RobotView | None = None
     joints: Mapping[str, float] = field(default_factory=dict)
-    reports: Mapping[str, Report] = field(default_factory=dict)
+    reports: Mapping[tuple[str, str], Report] = field(default_factory=dict)
     search: Search = field(default_factory=Search)
     motion: Motion = field(default_factory=Motion)
     planning: bool = False
@@ -101,7 +101,7 @@ class CellState:
     def report(self, report: Report) -> None:
         """Take a node's status."""
         with self._lock:
-            reports = {**self._snapshot.reports, report.node: report}
+            reports = {**self._snapshot.reports, (report.node, report.part): report}
             self._snapshot = replace(self._snapshot, reports=reports)
 
     def search_feedback(
@@ -123,7 +123,7 @@ class CellState:
 
     def health(self) -> list[NodeHealth]:
         """Say how every node is."""
-        return node_health(self._snapshot.reports, self._clock())
+        return node_health(self._snapshot.reports.values(), self._clock())
 
     def is_silent(self, node: str) -> bool:
         """Whether a node has not been heard of for a while, or never."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 # Seconds after which a node that reports once a second, or with every frame, counts as silent.
@@ -66,24 +66,30 @@ def report_from_status(name: str, level: int, text: str, node: str, received: fl
     return Report(short, part or prefix, _LEVELS[min(max(level, 0), 3)], text, received)
 
 
-def node_health(reports: Mapping[str, Report], now: float) -> list[NodeHealth]:
+def node_health(reports: Iterable[Report], now: float) -> list[NodeHealth]:
     """Say how every node is that is needed or has ever reported.
 
     Args:
-        reports: The last report of each node.
+        reports: The last report of each part of each node.
         now: Monotonic seconds.
     """
-    names = [*EXPECTED, *sorted(set(reports) - set(EXPECTED))]
-    return [_health(name, reports.get(name), now) for name in names]
+    by_node: dict[str, list[Report]] = {}
+    for report in reports:
+        by_node.setdefault(report.node, []).append(report)
+    names = [*EXPECTED, *sorted(set(by_node) - set(EXPECTED))]
+    return [_health(name, by_node.get(name, []), now) for name in names]
 
 
-def _health(name: str, report: Report | None, now: float) -> NodeHealth:
+def _health(name: str, reports: list[Report], now: float) -> NodeHealth:
+    """A node is as bad as its worst part, and silent when all its parts are."""
     lacking = EXPECTED.get(name, "what it does is missing")
-    if report is None:
+    if not reports:
         text = f"not heard of yet: {lacking}. Is the cell running? (./cell up)"
         return NodeHealth(name, "silent", text)
-    age = now - report.received
-    if age > SILENT_AFTER:
-        text = f"silent for {age:.0f} s: {lacking}. It may have died; its log tells why."
+    last = max(report.received for report in reports)
+    if now - last > SILENT_AFTER:
+        text = f"silent for {now - last:.0f} s: {lacking}. It may have died; its log tells why."
         return NodeHealth(name, "silent", text)
-    return NodeHealth(name, report.level, report.text)
+    fresh = (report for report in reports if now - report.received <= SILENT_AFTER)
+    worst = max(fresh, key=lambda report: (_LEVELS.index(report.level), report.received))
+    return NodeHealth(name, worst.level, worst.text)
