@@ -13,9 +13,6 @@ from emd_core.voxel_grid import VoxelGrid
 
 LARGEST_UPLOAD = 256 * 1024
 _LARGEST_UNPACKED = 8 * 1024 * 1024
-_READ_ERRORS = (
-    KeyError, ValueError, OSError, EOFError, zipfile.BadZipFile, RuntimeError, MemoryError,
-)  # fmt: skip
 _NAMES = ("occupancy", "half_extent", "height")
 
 
