@@ -144,7 +144,6 @@ def test_trying_plans_out_is_no_worse(tasks: list[Task]) -> None:
         trying = NetPlanner(net, config, None, tried_out=3)
         tried, _ = perform(task, "x", trying, "open", TOWEL, 0)
         assert tried.voxel_mse <= blind.voxel_mse + 1e-3
-        assert tried.plan_ms > blind.plan_ms
 
 
 def test_a_killed_evaluation_goes_on_where_it_was(tasks: list[Task], tmp_path: Path) -> None:

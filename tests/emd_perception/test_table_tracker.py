@@ -92,7 +92,7 @@ def test_the_first_table_may_differ_more(height, state) -> None:
     """Extrinsics 20 mm off are corrected at once, 50 mm are not believed."""
     tracker = TableTracker(START, TrackerConfig())
     assert tracker.update(plane_at(height), 0.0) == state
-    followed = height if state is TableState.FOLLOWED else 0.0
+    followed = height if state == TableState.FOLLOWED else 0.0
     assert tracker.drift == pytest.approx(followed, abs=1e-6)
 
 

@@ -62,7 +62,7 @@ def cloth_points(
         config: Outlier removal; the defaults if None.
 
     Raises:
-        NoClothError: If no pixel of the mask has a depth.
+        NoClothError: If no pixel of the mask has a depth, or the depths are nothing but noise.
     """
     settings = config or VoxelConfig()
     window = bounding_window(mask, 2)
@@ -79,13 +79,31 @@ def cloth_points(
     points = rays * _filled_depth(depth, mask, known, rays[:, 2], origin[2])[:, None] + origin
     squares = SquareMeans.of(points[known[mask]], colour[known], spacing)
     kept = squares.alike_beside(settings.max_lone_height) >= min(_MIN_ALIKE, len(squares) - 1)
+    if not kept.any():
+        raise NoClothError(
+            f"no two points of the cloth that lie beside each other agree to "
+            f"{settings.max_lone_height * 1000:.0f} mm in height; the depth is noise there"
+        )
     return ClothPoints(
         squares.points[kept],
         np.rint(squares.values[kept]).astype(np.uint8),
         points[:, :2],
         float(known.sum() / mask.sum()),
-        spacing * float(np.median(squares.spread / np.sqrt(squares.counts))),
+        spacing * _scatter(squares) / float(np.sqrt(squares.counts.mean())),
     )
+
+
+def _scatter(squares: SquareMeans) -> float:
+    """Standard deviation of single points' heights, metres; infinite where no two share a square.
+
+    Few points scatter less about their own mean than about the true height (Bessel).
+    """
+    counts = squares.counts
+    several = counts >= 2
+    if not several.any():
+        return float("inf")
+    unbiased = squares.spread[several] * np.sqrt(counts[several] / (counts[several] - 1.0))
+    return float(np.median(unbiased))
 
 
 def _spikes(depth: DepthImage, max_spike: float) -> Mask:
