@@ -91,7 +91,7 @@ def add_commands(app: typer.Typer, console: Console) -> None:
         depth_pose: DepthPose = _AT_COLOUR,
         rectified: Rectified = False,
     ) -> None:
-        """Find where the camera is from a printed board on the table; docs/perception.md."""
+        """Find where the camera is from a printed board on the table; docs/camera.md."""
         from emd_cell.bag_reader import BagTopics
         from emd_cell.calibrate_command import CalibrationRequest, describe, run_calibration
         from emd_core.errors import InvalidInputError

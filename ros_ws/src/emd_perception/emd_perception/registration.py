@@ -62,7 +62,8 @@ def arrange_points(
 ) -> FloatArray:
     """Lay points without order out in a grid, by where the camera sees them.
 
-    The grid is as fine as there are points for; of several in a cell the nearest is kept.
+    The grid is as fine as there are points for. A cell gets the mean of the points of its nearest
+    thing: the nearest point alone would be the one whose noise brings it nearest.
 
     Args:
         points: Shape (N, 3), metres; rows with NaN are left out.
@@ -85,11 +86,16 @@ def arrange_points(
     cell = max(1.0, _CELL * math.sqrt(share))
     chosen, depth = known[before][seen], in_camera[before][seen, 2]
     index = ((pixels[seen] + 0.5) / cell).astype(int)
-    shape = tuple(np.ceil(size / cell).astype(int)[::-1])
-    grid = np.full((*shape, 3), np.nan)
-    order = np.argsort(-depth, kind="stable")  # of several the last, nearest one stays
-    grid[index[order, 1], index[order, 0]] = chosen[order]
-    return grid
+    columns, rows = np.ceil(size / cell).astype(int)
+    flat = index[:, 1] * columns + index[:, 0]
+    nearest = np.full(rows * columns, np.inf)
+    np.minimum.at(nearest, flat, depth)
+    of_nearest = depth <= (1.0 + _MAX_JUMP) * nearest[flat]
+    flat, chosen = flat[of_nearest], chosen[of_nearest]
+    counts = np.bincount(flat, minlength=rows * columns)
+    totals = [np.bincount(flat, weights=axis, minlength=rows * columns) for axis in chosen.T]
+    with np.errstate(invalid="ignore"):  # empty cells become NaN
+        return np.asarray(np.stack(totals, axis=-1) / counts[:, None]).reshape(rows, columns, 3)
 
 
 @numba.njit(cache=True, error_model="numpy")
