@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 
+from emd_cell.evaluation import rivals
 from emd_cell.evaluation.execution import Record, perform, unwrapped
 from emd_cell.evaluation.rivals import (
     REACHES,
@@ -29,6 +30,7 @@ from emd_core.errors import InvalidInputError
 from emd_core.frames import FieldOfView
 from emd_core.manipulation import Manipulation
 from emd_planner.config import PLANNERS, PlannerConfig
+from emd_planner.fold_plan import FoldPlan
 from emd_planner.weights import load_net
 
 MESH = 15
@@ -136,13 +138,23 @@ def test_what_is_tried_out_comes_so_and_leaves_no_trace(tasks: list[Task]) -> No
     np.testing.assert_allclose(outcome, task.start, atol=1e-6)
 
 
-def test_trying_plans_out_is_no_worse(tasks: list[Task]) -> None:
+def test_trying_plans_out_is_no_worse(tasks: list[Task], monkeypatch: pytest.MonkeyPatch) -> None:
     """Of several plans the one that turns out best; the first of them is the net's choice."""
     net, config = load_net(), replace(PLANNERS["ours"], restarts=3, candidates=8, max_iterations=2)
+    outcome, tried_out = rivals._outcome, []
+
+    def counted(problem: Problem, found: FoldPlan) -> float:
+        tried_out.append(outcome(problem, found))
+        return tried_out[-1]
+
+    monkeypatch.setattr(rivals, "_outcome", counted)
     for task in tasks[:3]:
         blind, _ = perform(task, "x", NetPlanner(net, config, None), "open", TOWEL, 0)
+        assert not tried_out
         trying = NetPlanner(net, config, None, tried_out=3)
         tried, _ = perform(task, "x", trying, "open", TOWEL, 0)
+        assert len(tried_out) > 1
+        tried_out.clear()
         assert tried.voxel_mse <= blind.voxel_mse + 1e-3
 
 
