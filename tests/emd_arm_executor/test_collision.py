@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from emd_arm_executor.collision import TABLE, Contact
+from emd_arm_executor.joint_path import JointPath
 from emd_arm_executor.robot_model import RobotModel
 from emd_core.errors import CollisionError
 from emd_core.frames import FloatArray
@@ -90,7 +91,53 @@ def test_ignored_contacts_may_go_on(robot: RobotModel) -> None:
     low = _hand_at(robot, "left", 0.0, -0.15, -0.010)
     rows = np.stack([_configuration(robot, left=low)])
     contacts = robot.collision.contacts(rows[0])
-    assert robot.collision.first_meeting(rows, contacts) is None
-    meeting = robot.collision.first_meeting(rows, [Contact("a", "b")])
+    assert robot.collision.meeting(rows, contacts) is None
+    meeting = robot.collision.meeting(rows, [Contact("a", "b")])
     assert meeting is not None and meeting.contact in contacts
     assert robot.collision.arms_in(meeting.contact) == {"left"}
+
+
+def test_clearance_falls_as_a_hand_comes_down(robot: RobotModel) -> None:
+    """A hand lowered from 1 mm to -1 mm at the table loses 2 mm of its least room."""
+    rooms = [
+        robot.collision.clearances(
+            _configuration(robot, left=_hand_at(robot, "left", 0.0, -0.15, height))
+        )
+        for height in (0.001, -0.001)
+    ]
+    assert rooms[0].min() - rooms[1].min() == pytest.approx(0.002, abs=1e-5)
+    least = robot.collision.nearer_than(rooms[1], float(rooms[1].min()))
+    assert {TABLE} <= {c.second for c in least}
+
+
+def test_a_touch_between_distant_free_postures_is_found(robot: RobotModel) -> None:
+    """A hand that swings through the other one is caught though both ends are far from it."""
+    across = [_hand_at(robot, "left", 0.0, y, 0.08) for y in (-0.30, 0.30)]
+    still = _hand_at(robot, "right", 0.0, 0.0, 0.08)
+    path = JointPath.straight(robot.joint_names(["left"]), *across)
+    _, positions = path.densely(robot.config.collision.path_step)
+    names = robot.joint_names(["right"])
+    others = dict(zip(names, still.tolist(), strict=True))
+    rows = robot.configurations(others, path.joint_names, positions, {})
+    assert robot.collision.contact(rows[0]) is None
+    meeting = robot.collision.meeting(rows)
+    assert meeting is not None and {meeting.contact.first[0], meeting.contact.second[0]} == {
+        "L",
+        "R",
+    }
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_a_path_keeps_is_proven(robot: RobotModel, seed: int) -> None:
+    """Random moves pass if and only if looking at every row finds no more than the slack."""
+    rng = np.random.default_rng(seed)
+    checker, names = robot.collision, robot.joint_names(["left", "right"])
+    rest = robot.rest_positions(["left", "right"])
+    path = JointPath.straight(names, rest, rest + rng.normal(0.0, 0.25, len(rest)))
+    _, positions = path.densely(robot.config.collision.path_step)
+    rows = robot.configurations({}, names, positions, {})
+    least = min(float(checker.clearances(q).min()) for q in rows[::4])
+    if checker.meeting(rows) is None:
+        assert least > -checker.config.slack
+    else:
+        assert least < checker.config.slack

@@ -21,8 +21,9 @@ from emd_cell.motion_check.campaign import Campaign, check_task, run_campaign, s
 from emd_cell.motion_check.random_tasks import random_task
 from emd_core.errors import CancelledError, InvalidInputError
 
-# The first task of two hands that HIRO carries out, and the first in which its torso turns.
-TWO_HANDS, TURNED, KNOTS = 9, 2, 154
+# The first task of two hands that HIRO carries out, the first in which its torso turns, and two in
+# which something once went wrong.
+TWO_HANDS, TURNED, KNOTS, GRAZE = 9, 2, 154, 483
 
 
 @pytest.fixture(scope="module")
@@ -148,3 +149,9 @@ def test_a_campaign_goes_on_where_it_ended(robot: RobotModel, tmp_path: Path) ->
     json.dumps(summary)
     with pytest.raises(InvalidInputError, match="another folder"):
         run_campaign(robot, replace(whole, identity="changed"), journal)
+
+
+def test_a_graze_is_refused_or_passed_by(robot: RobotModel) -> None:
+    """A task whose elbow once passed through the chest by 0.3 mm between two checked postures."""
+    record = check_task(robot, MotionPlanner(robot), random_task(0, GRAZE), GRAZE)
+    assert "refused" in record or record["passed"], record

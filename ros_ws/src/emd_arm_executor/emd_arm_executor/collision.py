@@ -5,19 +5,25 @@ Pinocchio and coal test the collision primitives of the URDF and a box for the t
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
+from operator import attrgetter
 
 import coal
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from emd_arm_executor.config import CollisionConfig
+from emd_arm_executor.motion_bound import MotionBound
 from emd_arm_executor.robot_description import RobotDescription
 from emd_core.errors import CollisionError
 from emd_core.frames import FloatArray
 
 TABLE = "table"
+
+_CLEARANCE = attrgetter("distance_lower_bound")
 
 
 @dataclass(frozen=True)
@@ -39,7 +45,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class Meeting:
-    """What a path touches first.
+    """Where a path touches; it may touch earlier, too.
 
     Attributes:
         contact: The pair that touches.
@@ -83,15 +89,15 @@ class CollisionChecker:
         self._branches = self._find_branches(description)
         for first, second in self._moving_pairs():
             self._geometry.addCollisionPair(pin.CollisionPair(first, second))
-        self._contacts = pin.GeometryData(self._geometry)
+        self._make_room()
         self._drop_pairs(rest)
         self._set_margins(description)
+        self.bound = MotionBound(model, self._geometry)
 
     @property
     def pairs(self) -> list[Contact]:
         """The pairs of links that are checked, without repetition."""
-        found = dict.fromkeys(self._names(pair) for pair in self._geometry.collisionPairs)
-        return list(found)
+        return list(dict.fromkeys(self._names))
 
     def contact(self, q: FloatArray) -> Contact | None:
         """Give a pair that touches in a configuration (nq,), or None."""
@@ -107,16 +113,57 @@ class CollisionChecker:
         pin.computeCollisions(self._model, self._data, self._geometry, self._contacts, q, False)
         return set(self._found())
 
-    def first_meeting(
+    def clearances(self, q: FloatArray) -> FloatArray:
+        """Bound from below what each pair keeps beyond its margin in a configuration (nq,).
+
+        Returns:
+            Metres, shape (P,), in the order of the collision pairs; at most 0 for what touches,
+            exact for what nearly does, far too small for what is far apart.
+        """
+        pin.computeCollisions(self._model, self._data, self._geometry, self._contacts, q, False)
+        return np.fromiter(map(_CLEARANCE, self._results), float, len(self._results))
+
+    def nearer_than(self, clearances: FloatArray, distance: float) -> set[Contact]:
+        """Name the pairs whose clearances (P,) are at most a distance, metres."""
+        return {
+            pair
+            for pair, clearance in zip(self._names, clearances.tolist(), strict=True)
+            if clearance <= distance
+        }
+
+    def meeting(
         self, configurations: FloatArray, ignored: Collection[Contact] = ()
     ) -> Meeting | None:
-        """Find where a path (N, nq) first touches something that is not ignored."""
-        for i, q in enumerate(configurations):
-            if self.contact(q) is None:
+        """Find a place where a path touches something that is not ignored.
+
+        Looks at the ends, then at the middle of what is not yet proven free by the clearances of
+        its ends (`emd_arm_executor.motion_bound`), down to neighbouring rows. If no joint turns
+        farther than `CollisionConfig.path_step` between these, no pair comes nearer than its
+        margin less `CollisionConfig.slack` anywhere on the path.
+
+        Args:
+            configurations: The path, shape (N, nq), N >= 1.
+            ignored: Pairs that may touch.
+        """
+        turned = np.abs(np.diff(configurations, axis=0, prepend=configurations[:1])).cumsum(axis=0)
+        counted = np.array([pair not in ignored for pair in self._names])
+        ends = (0, len(configurations) - 1)
+        rooms = []
+        for index in ends:
+            rooms.append(self.clearances(configurations[index])[counted])
+            if (rooms[-1] <= 0.0).any():
+                return self._meeting(rooms[-1], counted, index / max(ends[1], 1))
+        open_parts = deque([(*ends, *rooms)])
+        while open_parts:
+            first, last, before, after = open_parts.popleft()
+            travel = self.bound.travel(turned[last] - turned[first])[counted]
+            if last - first < 2 or (travel < before + after + 2.0 * self.config.slack).all():
                 continue
-            others = self.contacts(q) - set(ignored)
-            if others:
-                return Meeting(min(others, key=str), i / max(len(configurations) - 1, 1))
+            middle = (first + last) // 2
+            room = self.clearances(configurations[middle])[counted]
+            if (room <= 0.0).any():
+                return self._meeting(room, counted, middle / ends[1])
+            open_parts += [(first, middle, before, room), (middle, last, room, after)]
         return None
 
     def refusal(self, name: str, meeting: Meeting) -> CollisionError:
@@ -137,7 +184,7 @@ class CollisionChecker:
         Raises:
             CollisionError: Names the links and where on the path they meet.
         """
-        meeting = self.first_meeting(configurations)
+        meeting = self.meeting(configurations)
         if meeting is not None:
             raise self.refusal(name, meeting)
 
@@ -147,13 +194,22 @@ class CollisionChecker:
         both = {branches[contact.first], branches[contact.second]}
         return {branch.split(" ")[0] for branch in both} - {""}
 
-    def _found(self) -> Iterable[Contact]:
-        for index, pair in enumerate(self._geometry.collisionPairs):
-            if self._contacts.collisionResults[index].isCollision():
-                yield self._names(pair)
+    def _meeting(self, room: FloatArray, counted: NDArray[np.bool_], share: float) -> Meeting:
+        """Name the pair with the least clearance of those that count."""
+        return Meeting(self._names[int(np.flatnonzero(counted)[room.argmin()])], share)
 
-    def _names(self, pair: pin.CollisionPair) -> Contact:
-        return Contact(self._links[pair.first], self._links[pair.second])
+    def _found(self) -> Iterable[Contact]:
+        for pair, result in zip(self._names, self._results, strict=True):
+            if result.isCollision():
+                yield pair
+
+    def _make_room(self) -> None:
+        """Make room for the results of the collision pairs there are now."""
+        self._contacts = pin.GeometryData(self._geometry)
+        # Taking these out of their vector again and again would cost more than the checks.
+        self._results = list(self._contacts.collisionResults)
+        links, pairs = self._links, self._geometry.collisionPairs
+        self._names = [Contact(links[pair.first], links[pair.second]) for pair in pairs]
 
     def _link_of(self, geometry: pin.GeometryObject) -> str:
         return str(self._model.frames[geometry.parentFrame].name)
@@ -211,13 +267,14 @@ class CollisionChecker:
             pin.computeCollisions(
                 self._model, self._data, self._geometry, self._contacts, q, False
             )
-            hits += [result.isCollision() for result in self._contacts.collisionResults]
-        for pair, count in zip(list(self._geometry.collisionPairs), hits, strict=True):
+            hits += [result.isCollision() for result in self._results]
+        pairs = list(self._geometry.collisionPairs)
+        for pair, name, count in zip(pairs, self._names, hits, strict=True):
             arms = {self._branches[i].split(" ")[0] for i in (pair.first, pair.second)}
             own = len(arms) == 1 and "" not in arms
-            if (own and count == 0) or self._names(pair) in at_rest:
+            if (own and count == 0) or name in at_rest:
                 self._geometry.removeCollisionPair(pair)
-        self._contacts = pin.GeometryData(self._geometry)
+        self._make_room()
 
     def _set_margins(self, description: RobotDescription) -> None:
         tips = {link for arm in description.arms.values() for link in arm.fingertip_links}
@@ -226,6 +283,6 @@ class CollisionChecker:
             margin = self.config.margin
             if TABLE in links and links & tips:
                 margin = -self.config.nail_penetration
-            elif links in description.allowed_overlap:
-                margin = -description.allowed_overlap[links]
+            elif links in description.pair_margins:
+                margin = description.pair_margins[links]
             self._contacts.collisionRequests[index].security_margin = margin

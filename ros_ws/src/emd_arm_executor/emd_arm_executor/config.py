@@ -192,15 +192,19 @@ class CollisionConfig:
         margin: Distance that links keep from each other and from the table, metres.
         nail_penetration: How deep the model's fingertips may stand in the table, metres: the real
             nails give way.
-        path_step: Largest change of a joint between two checked configurations, radians.
+        slack: How much nearer than its margin a pair may come between two checked configurations
+            of a path, metres.
+        path_step: Largest change of a joint between neighbouring configurations of a path,
+            radians; all joints together move no pair by more than twice the slack with it.
         samples: Random configurations that decide which pairs of one arm can never touch.
         seed: Seed of these configurations.
     """
 
     margin: float = 0.003
     nail_penetration: float = 0.004
-    path_step: float = 0.03
-    samples: int = 400
+    slack: float = 0.001
+    path_step: float = 0.0003
+    samples: int = 2000
     seed: int = 0
 
 

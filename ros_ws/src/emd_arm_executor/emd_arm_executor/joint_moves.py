@@ -103,7 +103,7 @@ class _Search:
         move, checker = self._move, self._robot.collision
         _, positions = path.densely(self._robot.config.collision.path_step)
         rows = self._robot.configurations(move.others, path.joint_names, positions, move.widths)
-        self._last = checker.first_meeting(rows, self._ignored)
+        self._last = checker.meeting(rows, self._ignored)
         self._first = self._first or self._last
         return self._last is None
 

@@ -83,7 +83,7 @@ def identity(robot: RobotModel) -> str:
         description.table_size,
         np.array([arm.chain.limits for arm in robot.arms.values()]),
         sorted(description.rest.items()),
-        sorted((*sorted(pair), depth) for pair, depth in description.allowed_overlap.items()),
+        sorted((*sorted(pair), margin) for pair, margin in description.pair_margins.items()),
         robot.config,
     ):
         digest.update(repr(np.round(item, 9) if isinstance(item, np.ndarray) else item).encode())

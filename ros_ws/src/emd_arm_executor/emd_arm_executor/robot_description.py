@@ -63,8 +63,9 @@ class RobotDescription:
         arms: The arms by name.
         rest: Positions of all joints at which the arms wait beside the table, radians. Joints
             that belong to no arm stay there, the torso's excepted.
-        allowed_overlap: How far the primitives of a pair of links may overlap, metres, where they
-            are known to be larger than the links.
+        pair_margins: Distance that the primitives of a pair of links keep, metres, instead of
+            `CollisionConfig.margin`, where they are known to be larger than the links; negative
+            where they may overlap.
         gripper: The hands' opening law.
         transform_table_to_base: The table frame in the robot's base frame, shape (4, 4).
         table_centre_in_base: Middle of the table top's box, shape (3,), metres.
@@ -75,7 +76,7 @@ class RobotDescription:
     urdf: Path
     arms: Mapping[str, ArmDescription]
     rest: Mapping[str, float]
-    allowed_overlap: Mapping[frozenset[str], float]
+    pair_margins: Mapping[frozenset[str], float]
     gripper: GripperLaw
     transform_table_to_base: FloatArray
     table_centre_in_base: FloatArray
@@ -130,7 +131,7 @@ def _describe(file: RobotFile, geometry: hiro.CellGeometry) -> RobotDescription:
         urdf=file.urdf,
         arms={name: _arm(file, name) for name in file.arms},
         rest=file.rest_by_joint,
-        allowed_overlap=file.allowed_overlap,
+        pair_margins=file.pair_margins,
         gripper=gripper_law(file.gripper_law, _LAWS),
         transform_table_to_base=geometry.transform_table_to_waist,
         table_centre_in_base=np.asarray(geometry.table_centre_in_waist),

@@ -16,7 +16,7 @@ import yaml
 from emd_core.errors import InvalidInputError
 
 _KEYS = {"name", "urdf", "groups", "arms", "gripper_law", "rest", "poses"}
-_OPTIONAL = {"torso", "position_limits", "allowed_overlap", "table"}
+_OPTIONAL = {"torso", "position_limits", "pair_margins", "table"}
 _ARM_KEYS = {"group", "tool_frame", "gripper", "fingertips"}
 
 
@@ -49,7 +49,7 @@ class RobotFile:
         torso: Group that turns all arms, or None.
         gripper_law: Kind and figures of the hands' opening law, as `gripper_law` wants them.
         position_limits: Narrower limits than the URDF's, radians.
-        allowed_overlap: How far pairs of links may overlap, metres.
+        pair_margins: Distances that pairs of links keep instead of the common margin, metres.
         rest: Name of the pose in which the arms wait beside the table.
         poses: Named poses: radians of each group's joints.
         table: Where the table stands, figures of `CellGeometry`; empty for the default cell.
@@ -62,7 +62,7 @@ class RobotFile:
     torso: str | None
     gripper_law: Mapping[str, Any]
     position_limits: Mapping[str, tuple[float, float]]
-    allowed_overlap: Mapping[frozenset[str], float]
+    pair_margins: Mapping[frozenset[str], float]
     rest: str
     poses: Mapping[str, Mapping[str, tuple[float, ...]]]
     table: Mapping[str, Any]
@@ -110,9 +110,9 @@ def read_robot_file(path: Path) -> RobotFile:
         position_limits={
             joint: (math.radians(low), math.radians(high)) for joint, (low, high) in limits.items()
         },
-        allowed_overlap={
-            frozenset({first, second}): float(depth)
-            for first, second, depth in content.get("allowed_overlap", [])
+        pair_margins={
+            frozenset({first, second}): float(margin)
+            for first, second, margin in content.get("pair_margins", [])
         },
         rest=content["rest"],
         poses=poses,

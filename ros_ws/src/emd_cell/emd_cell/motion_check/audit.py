@@ -36,7 +36,8 @@ class Audit:
         velocity: Largest ratio to the limit.
         acceleration: Largest ratio to the limit.
         jerk: Largest ratio to the limit.
-        contacts: Pairs that touch at any sample.
+        contacts: Pairs that come nearer than their margin less `CollisionConfig.slack`.
+        clearance_mm: Least distance of any pair beyond its margin, millimetres.
         checked: How many configurations were checked for collisions.
         deviation_mm: Of a carrying or straight path from its ideal, millimetres.
         deviation_deg: Of the hand's rotation, degrees.
@@ -49,6 +50,7 @@ class Audit:
     acceleration: float = 0.0
     jerk: float = 0.0
     contacts: tuple[str, ...] = ()
+    clearance_mm: float = np.inf
     checked: int = 0
     deviation_mm: float = 0.0
     deviation_deg: float = 0.0
@@ -130,8 +132,10 @@ def _audit_contacts(
     positions = segment.path.positions(_parameters(robot, segment, posture))
     rows = robot.configurations(posture, segment.path.joint_names, positions, widths)
     audit.checked += len(rows)
-    touching = {str(contact) for q in rows if (contact := robot.collision.contact(q))}
-    audit.contacts = tuple(sorted({*audit.contacts, *touching}))
+    clearances = np.min([robot.collision.clearances(q) for q in rows], axis=0)
+    audit.clearance_mm = min(audit.clearance_mm, float(clearances.min()) * 1e3)
+    touching = robot.collision.nearer_than(clearances, -robot.config.collision.slack)
+    audit.contacts = tuple(sorted({*audit.contacts, *map(str, touching)}))
 
 
 def _parameters(robot: RobotModel, segment: TimedPath, posture: Mapping[str, float]) -> FloatArray:

@@ -135,6 +135,7 @@ def summarise(records: Sequence[dict[str, Any]]) -> dict[str, Any]:
         "not_identical": sum(not record["identical"] for record in repeated),
         "configurations_checked": sum(record["checked"] for record in planned),
         "worst": {key: max((record[key] for record in planned), default=None) for key in worst},
+        "least_clearance_mm": min((record["clearance_mm"] for record in planned), default=None),
         "worst_position": max((record["position"] for record in planned), default=None),
         "plan_cpu_ms_p50": _median([record["plan_cpu_ms"] for record in planned]),
         "refuse_cpu_ms_p50": _median([record["plan_cpu_ms"] for record in refused]),

@@ -60,9 +60,12 @@ def check_motion(
 
 
 def identity(robot_file: Path | None) -> str:
-    """Digest of the sources that plan motions, and of the robot's file if one is named."""
+    """Digest of the sources and robots that plan motions, and of the robot's file if named."""
     digest = hashlib.sha256()
     package = Path(emd_arm_executor.__file__).parent
-    for path in (*sorted(package.glob("*.py")), *([robot_file] if robot_file else [])):
+    sources = sorted(
+        path for kind in ("*.py", "*/*.yaml", "*/*.urdf") for path in package.glob(kind)
+    )
+    for path in (*sources, *([robot_file] if robot_file else [])):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
