@@ -169,7 +169,7 @@ def test_a_killed_evaluation_goes_on_where_it_was(tasks: list[Task], tmp_path: P
     assert evaluate(evaluation, journal, on_progress=lambda done, _: told.append(done)) == whole
     assert told == [5, 6, 7, 8, 9]
     other = replace(evaluation, seed=1)
-    with pytest.raises(InvalidInputError, match="another evaluation"):
+    with pytest.raises(InvalidInputError, match="should be the journal of"):
         evaluate(other, journal)
 
 

@@ -147,7 +147,7 @@ def test_a_campaign_goes_on_where_it_ended(robot: RobotModel, tmp_path: Path) ->
     summary = summarise(records)
     assert summary["carried_out"] + summary["refused"] == 3 and summary["refused_and_moved"] == 0
     json.dumps(summary)
-    with pytest.raises(InvalidInputError, match="another folder"):
+    with pytest.raises(InvalidInputError, match="another place"):
         run_campaign(robot, replace(whole, identity="changed"), journal)
 
 

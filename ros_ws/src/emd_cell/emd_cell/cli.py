@@ -449,6 +449,26 @@ def check_motion(
     print(json.dumps(report["summary"], indent=1))
 
 
+@app.command(name="check-folds")
+def check_folds(
+    folds: Annotated[int, typer.Option(min=1, help="how many random goals")] = 50,
+    seed: Annotated[int, typer.Option(min=0, help="of goals, noise and searches")] = 0,
+    folder: Annotated[Path, typer.Option(help="journal.jsonl, summary.json, logs")] = Path(
+        "runs/folds"
+    ),
+    fast: Annotated[bool, typer.Option("--fast", help="not held to real time")] = False,
+) -> None:
+    """Fold to random goals through all nodes and compare with folds without a robot.
+
+    An interrupted run goes on when the command is given again.
+    """
+    from emd_cell.fold_check.command import FoldCheck
+    from emd_cell.fold_check.command import check_folds as check
+
+    report = check(FoldCheck(folds, seed, not fast), folder, sys.argv[2:], console)
+    print(json.dumps(report["summary"], indent=1))
+
+
 @app.command()
 def bench(
     name: Annotated[str, typer.Argument(help="which; see --list")] = "",

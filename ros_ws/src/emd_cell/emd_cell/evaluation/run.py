@@ -16,6 +16,7 @@ import torch
 from emd_cell.evaluation.execution import MODES, Record, perform
 from emd_cell.evaluation.rivals import RIVALS, SIMULATED, Rival, make_rivals
 from emd_cell.evaluation.tasks import Task
+from emd_cell.journal import Journal
 from emd_cloth_sim.presets import ClothPreset
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FloatArray
@@ -106,18 +107,14 @@ def evaluate(
     if workers < 1:
         raise InvalidInputError(f"workers must be at least 1, got {workers}")
     jobs = evaluation.jobs
-    known = _read_journal(journal, evaluation.identity)
+    kept = Journal(journal, {"identity": evaluation.identity})
+    known = {(r.task, r.planner): r for r in map(Record.from_entry, kept.records)}
     missing = [job for job in jobs if (job[0].name, job[1]) not in known]
-    journal.parent.mkdir(parents=True, exist_ok=True)
-    with journal.open("a") as file:
-        if journal.stat().st_size == 0:
-            file.write(json.dumps({"identity": evaluation.identity}) + "\n")
-        for record in _perform_all(evaluation, missing, workers):
-            file.write(json.dumps(record.as_entry()) + "\n")
-            file.flush()
-            known[record.task, record.planner] = record
-            if on_progress is not None:
-                on_progress(len(known), len(jobs))
+    for record in _perform_all(evaluation, missing, workers):
+        kept.append(record.as_entry())
+        known[record.task, record.planner] = record
+        if on_progress is not None:
+            on_progress(len(known), len(jobs))
     return [known[task.name, name] for task, name, _ in jobs]
 
 
@@ -134,26 +131,6 @@ def final_state(evaluation: Evaluation, record: Record) -> FloatArray:
         evaluation.seed,
         evaluation.reach,
     )[1]
-
-
-def _read_journal(journal: Path, identity: str) -> dict[tuple[str, str], Record]:
-    """Read the records of an interrupted evaluation; a last line that was cut off is dropped."""
-    if not journal.exists() or journal.stat().st_size == 0:
-        return {}
-    text = journal.read_text()
-    whole = text[: text.rfind("\n") + 1]
-    if whole != text:
-        journal.write_text(whole)
-    lines = [json.loads(line) for line in whole.splitlines()]
-    if not lines:
-        return {}
-    if lines[0].get("identity") != identity:
-        raise InvalidInputError(
-            f"{journal} is of another evaluation (other tasks, planners, weights or cloth); "
-            "choose another output or delete it"
-        )
-    records = [Record.from_entry(line) for line in lines[1:]]
-    return {(record.task, record.planner): record for record in records}
 
 
 def _perform_all(evaluation: Evaluation, jobs: list[Job], workers: int) -> Iterator[Record]:

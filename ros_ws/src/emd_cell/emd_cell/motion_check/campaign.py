@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -17,9 +16,10 @@ from emd_arm_executor.mock_robot import MockRobot
 from emd_arm_executor.motion_plan import MotionPlan
 from emd_arm_executor.motion_planner import MotionPlanner
 from emd_arm_executor.robot_model import RobotModel
+from emd_cell.journal import Journal
 from emd_cell.motion_check.audit import audit_motion
 from emd_cell.motion_check.random_tasks import MotionTask, random_task
-from emd_core.errors import CellError, InvalidInputError
+from emd_core.errors import CellError
 
 # Every so many plans one is planned twice and compared bit by bit.
 _REPEAT = 10
@@ -64,19 +64,15 @@ def run_campaign(
     Raises:
         InvalidInputError: If the journal is another campaign's.
     """
-    records = _resume(journal, campaign)
+    kept = Journal(journal, {"seed": campaign.seed, "identity": campaign.identity})
     planner = MotionPlanner(robot)
-    with journal.open("a") as lines:
-        for index in range(len(records), campaign.count):
-            record = check_task(robot, planner, random_task(campaign.seed, index), index)
-            records.append(record)
-            lines.write(json.dumps(record) + "\n")
-            lines.flush()
-            if on_progress is not None:
-                on_progress(len(records))
-            if until is not None and until():
-                break
-    return records
+    for index in range(len(kept.records), campaign.count):
+        kept.append(check_task(robot, planner, random_task(campaign.seed, index), index))
+        if on_progress is not None:
+            on_progress(len(kept.records))
+        if until is not None and until():
+            break
+    return kept.records[: campaign.count]
 
 
 def check_task(
@@ -167,18 +163,3 @@ def _same(first: MotionPlan | None, second: MotionPlan | None) -> bool:
 def _numbers(plan: MotionPlan) -> list[np.ndarray]:
     trajectories = [t for phase in plan.phases for t in phase.trajectories(0.02)]
     return [array for t in trajectories for array in (t.times, t.positions, t.velocities)]
-
-
-def _resume(journal: Path, campaign: Campaign) -> list[dict[str, Any]]:
-    header = {"seed": campaign.seed, "identity": campaign.identity}
-    if not journal.exists():
-        journal.parent.mkdir(parents=True, exist_ok=True)
-        journal.write_text(json.dumps(header) + "\n")
-        return []
-    lines = journal.read_text().splitlines()
-    if not lines or json.loads(lines[0]) != header:
-        raise InvalidInputError(
-            f"{journal} should be the journal of {header}, it begins with "
-            f"{lines[0] if lines else 'nothing'}; name another folder or remove it"
-        )
-    return [json.loads(line) for line in lines[1:]][: campaign.count]

@@ -46,15 +46,26 @@ def random_task(seed: int, index: int) -> MotionTask:
     silhouette = _rectangle(size, centre, angle, 0.002 * layers)
     kind = "fold" if rng.random() < 0.5 else "random"
     two = bool(rng.random() < 0.5)
-    points, displacement = (_fold if kind == "fold" else _anywhere)(rng, size, two)
+    points, displacement = (random_fold if kind == "fold" else _anywhere)(rng, size, two)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     rows = np.full((2, 2), np.nan)
     rows[: len(points)] = centre + points @ turn.T
     return MotionTask(kind, Manipulation(rows, turn @ displacement), silhouette)
 
 
-def _fold(rng: np.random.Generator, size: FloatArray, two: bool) -> tuple[FloatArray, FloatArray]:
-    """Grasp near the hem at -y (or -x) of the cloth's own frame and move inwards."""
+def random_fold(
+    rng: np.random.Generator, size: FloatArray, two: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Grasp near the hem at -y (or -x) of a cloth and move inwards.
+
+    Args:
+        rng: Draws everything.
+        size: Of the flat cloth along the axes of its own frame, in its middle, metres.
+        two: Whether both hands are used.
+
+    Returns:
+        Grasp points (1 or 2, 2) and displacement (2,), metres.
+    """
     across = int(rng.integers(2))  # the axis along which the cloth is folded
     along = size[1 - across] / 2.0
     inset = rng.uniform(0.0, 0.02)

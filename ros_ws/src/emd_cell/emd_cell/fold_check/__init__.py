@@ -1,0 +1,1 @@
+"""Random folds through all nodes of a simulated cell, compared with folds without a robot."""
