@@ -1,28 +1,28 @@
 """GraphCut in a narrow band along a known outline (banded graph cuts, Lombaert et al. 2005).
 
 Pixels outside the band keep their side, so they need no nodes: their edges into the band become
-links of the band's pixels with source and sink. The minimum cut is SciPy's (Dinic).
+links of the band's pixels with source and sink.
 """
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
 from emd_perception.colour_mixtures import ColourMixtures
 from emd_perception.image_types import Mask
 from emd_perception.mask_morphology import dilate, erode
+from emd_perception.minimum_cut import source_side
 
 _GAMMA = 50.0  # weight of the outline's length (Rother et al. 2004)
-_CAPACITY_UNIT = 0.02  # SciPy's capacities are whole numbers
+_CAPACITY_UNIT = 0.02  # capacities are whole numbers
 _MAX_LOG_ODDS = 450.0  # as much as all edges of a pixel together
-_SURE = -1  # no node: the pixel keeps its side
-_BEYOND = -2  # no node: not in the picture
+_NEGLIGIBLE = 20.0  # differences of colour with beta d^2 above this weigh nothing
+_NO_NODE = -1  # the pixel keeps its side, or lies beyond the picture
 
-# Row and column steps to the eight neighbours, in the order in which they are numbered.
-_STEPS = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
+# Row and column steps to the eight neighbours; the way back from the k-th is the (7 - k)-th.
+_STEPS = np.array([(-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1)])
 
 
 def band_along(outline_of: Mask, reach: int) -> Mask:
@@ -49,84 +49,124 @@ def cut_band(
     Returns:
         Shape (H, W).
     """
-    if not band.any():
-        return inside.copy()
-    padded = np.pad(picture, ((1, 1), (1, 1), (0, 0)), mode="edge")
-    width = padded.shape[1]
-    nodes = _number_nodes(band)
-    pixels = np.flatnonzero(nodes.ravel() >= 0)
-    neighbours = pixels[:, None] + np.array([v * width + u for v, u in _STEPS])
-    weights = _edge_weights(padded.reshape(-1, 3), pixels, neighbours)
-    nodes_beside = nodes.ravel()[neighbours]
-    weights[nodes_beside == _BEYOND] = 0.0
-    towards_cloth = np.where(np.pad(inside, 1).ravel()[neighbours], weights, -weights)
-    preference = np.clip(mixtures.log_odds(picture[band]), -_MAX_LOG_ODDS, _MAX_LOG_ODDS)
-    preference += np.where(nodes_beside == _SURE, towards_cloth, 0.0).sum(axis=1)
+    inside = np.ascontiguousarray(inside)
     refined = inside.copy()
-    refined[band] = _source_side(nodes_beside, weights, preference)
+    pixels = np.flatnonzero(band)
+    if len(pixels) == 0:
+        return refined
+    nodes = np.full(band.shape, _NO_NODE, dtype=np.int32)
+    nodes.ravel()[pixels] = np.arange(len(pixels), dtype=np.int32)
+    neighbours, capacities, pull = _links(picture, inside, nodes, pixels)
+    odds = mixtures.log_odds(picture.reshape(-1, 3)[pixels])
+    preference = np.clip(odds, -_MAX_LOG_ODDS, _MAX_LOG_ODDS) + pull
+    whole = np.rint(preference / _CAPACITY_UNIT).astype(np.int32)
+    refined.ravel()[pixels] = source_side(neighbours, capacities, whole)
     return refined
 
 
-def _number_nodes(band: Mask) -> NDArray[np.int32]:
-    """Number the band's pixels row by row; shape (H + 2, W + 2)."""
-    nodes = np.full((band.shape[0] + 2, band.shape[1] + 2), _BEYOND, dtype=np.int32)
-    inner = nodes[1:-1, 1:-1]
-    inner[...] = _SURE
-    inner[band] = np.arange(int(band.sum()), dtype=np.int32)
-    return nodes
-
-
-def _edge_weights(
-    colours: NDArray[np.uint8], pixels: NDArray[np.int64], neighbours: NDArray[np.int64]
-) -> NDArray[np.float32]:
-    """Weights of the edges to the eight neighbours, shape (N, 8)."""
-    values = colours.astype(np.float32)
-    difference = values[neighbours] - values[pixels][:, None]
-    squared = np.einsum("nki,nki->nk", difference, difference)
-    beta = 1.0 / (2.0 * max(float(squared.mean()), 1e-6))
-    distance = np.array([np.hypot(*step) for step in _STEPS], dtype=np.float32)
-    return np.asarray(np.float32(_GAMMA) * np.exp(np.float32(-beta) * squared) / distance)
-
-
-def _source_side(
-    neighbours: NDArray[np.int32], weights: NDArray[np.float32], preference: NDArray[np.float32]
-) -> NDArray[np.bool_]:
-    """Minimum cut of a graph of pixels.
+def _links(
+    picture: NDArray[np.uint8], inside: Mask, nodes: NDArray[np.int32], pixels: NDArray[np.int64]
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float32]]:
+    """Link the band's pixels with each other and with the pixels beside the band.
 
     Args:
-        neighbours: Nodes beside each node in rising order, negative where none is, shape (N, 8).
-        weights: Of the edges to them, shape (N, 8).
-        preference: Of each node, for the source where positive, for the sink where negative,
-            shape (N,).
+        picture: Shape (H, W, 3).
+        inside: Which side the pixels beside the band keep, shape (H, W).
+        nodes: Number of each pixel of the band, -1 beside it, shape (H, W).
+        pixels: Flat index of each node's pixel, shape (N,).
 
     Returns:
-        Which nodes stay with the source, shape (N,).
+        Neighbours and capacities for `source_side`, shape (N, 8) each; and how much the pixels
+        beside the band pull each node to the cloth, shape (N,).
     """
-    count = len(preference)
-    source, sink = count, count + 1
-    links = np.rint(preference / _CAPACITY_UNIT).astype(np.int32)
-    ends = np.column_stack([neighbours, np.full((count, 2), (source, sink), dtype=np.int32)])
-    capacities = np.column_stack(
-        [
-            np.rint(weights / _CAPACITY_UNIT).astype(np.int32),
-            np.zeros(count, np.int32),
-            np.maximum(-links, 0),
-        ]
+    picture = np.ascontiguousarray(picture)
+    mean = max(_mean_squared_difference(picture, pixels, _STEPS), 1e-6)
+    # Differences of 8-bit colours are whole numbers, so their weights come from a table.
+    squares = np.arange(min(3 * 255**2, int(2.0 * mean * _NEGLIGIBLE)) + 1)
+    straight = _GAMMA * np.exp(-squares / (2.0 * mean))
+    weights = np.stack([straight, straight / np.sqrt(2.0)]).astype(np.float32)
+    neighbours = np.full((len(pixels), 8), _NO_NODE, dtype=np.int32)
+    capacities = np.zeros((len(pixels), 8), dtype=np.int32)
+    pull = np.zeros(len(pixels), dtype=np.float32)
+    whole = np.rint(weights / _CAPACITY_UNIT).astype(np.int32)
+    _fill_links(
+        picture, inside, nodes, pixels, _STEPS, weights, whole, neighbours, capacities, pull
     )
-    # Each arc has its reverse, of capacity 0 if need be: rows of all nodes, of source and sink.
-    present = ends >= 0
-    all_nodes = np.arange(count, dtype=np.int32)
-    columns = np.concatenate([ends[present], all_nodes, all_nodes])
-    values = np.concatenate(
-        [capacities[present], np.maximum(links, 0), np.zeros(count, dtype=np.int32)]
-    )
-    lengths = np.concatenate([[0], present.sum(axis=1), [count, count]])
-    starts = np.cumsum(lengths).astype(np.int32)
-    graph = csr_array((values, columns, starts), shape=(count + 2, count + 2))
-    flow = maximum_flow(graph, source, sink).flow
-    left = graph - flow
-    left.eliminate_zeros()
-    reached = breadth_first_order(left, source, return_predecessors=False)
-    with_source = np.zeros(count + 2, dtype=bool)
-    with_source[reached] = True
-    return with_source[:count]
+    return neighbours, capacities, pull
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _squared(
+    picture: NDArray[np.uint8],
+    row: int,
+    column: int,
+    other_row: int,
+    other_column: int,
+) -> int:
+    """Squared difference of two pixels' colours."""
+    total = np.int64(0)
+    for channel in range(3):
+        difference = np.int64(picture[row, column, channel]) - np.int64(
+            picture[other_row, other_column, channel]
+        )
+        total += difference * difference
+    return int(total)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _mean_squared_difference(
+    picture: NDArray[np.uint8],
+    pixels: NDArray[np.int64],
+    steps: NDArray[np.int64],
+) -> float:
+    """Mean squared difference of pixels' colours from their neighbours'.
+
+    Beyond the picture's border its colours go on.
+    """
+    height, width = picture.shape[:2]
+    total = np.int64(0)
+    for node in range(len(pixels)):
+        row, column = pixels[node] // width, pixels[node] % width
+        for way in range(8):
+            other_row = min(max(row + steps[way, 0], 0), height - 1)
+            other_column = min(max(column + steps[way, 1], 0), width - 1)
+            total += _squared(picture, row, column, other_row, other_column)
+    return float(total) / (8.0 * len(pixels))
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _fill_links(
+    picture: NDArray[np.uint8],
+    inside: Mask,
+    nodes: NDArray[np.int32],
+    pixels: NDArray[np.int64],
+    steps: NDArray[np.int64],
+    weights: NDArray[np.float32],
+    whole: NDArray[np.int32],
+    neighbours: NDArray[np.int32],
+    capacities: NDArray[np.int32],
+    pull: NDArray[np.float32],
+) -> None:
+    """Fill what `_links` returns; weights by squared difference, straight and diagonal."""
+    height, width = inside.shape
+    for node in range(len(pixels)):
+        row, column = pixels[node] // width, pixels[node] % width
+        for way in range(8):
+            other_row, other_column = row + steps[way, 0], column + steps[way, 1]
+            if not (0 <= other_row < height and 0 <= other_column < width):
+                continue
+            other = nodes[other_row, other_column]
+            neighbours[node, way] = other
+            if 0 <= other < node:
+                capacities[node, way] = capacities[other, 7 - way]
+                continue
+            squared = _squared(picture, row, column, other_row, other_column)
+            if squared >= weights.shape[1]:
+                continue
+            diagonal = 1 if steps[way, 0] != 0 and steps[way, 1] != 0 else 0
+            if other >= 0:
+                capacities[node, way] = whole[diagonal, squared]
+            elif inside[other_row, other_column]:
+                pull[node] += weights[diagonal, squared]
+            else:
+                pull[node] -= weights[diagonal, squared]

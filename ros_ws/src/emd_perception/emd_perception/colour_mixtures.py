@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 _COMPONENTS = 5  # of each side, as grabCut has them
 _LEAST_DENSITY = 1e-30  # so that a colour unlike both sides prefers neither
+_SUM_OF_THREE = np.kron(np.eye(2 * _COMPONENTS), np.ones((3, 1))).astype(np.float32)
 
 
 @dataclass(frozen=True)
@@ -30,24 +32,54 @@ class ColourMixtures:
         Returns:
             Shape (N,); positive for the cloth's colours.
         """
-        values = colours.astype(np.float32)
-        cloth, background = (_density(values, side) for side in (self.cloth, self.background))
+        cloth, background = self._densities(colours.astype(np.float32))
         return np.asarray(np.log(cloth + _LEAST_DENSITY) - np.log(background + _LEAST_DENSITY))
 
+    def _densities(
+        self, colours: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Densities of both sides, up to a factor that they share, shape (N,) each."""
+        whitening, offset, weight = self._whitened
+        white = colours @ whitening
+        white -= offset
+        np.square(white, out=white)
+        squared = white @ _SUM_OF_THREE
+        squared *= np.float32(-0.5)
+        density = np.exp(squared, out=squared) @ weight
+        return density[:, 0], density[:, 1]
 
-def _density(colours: NDArray[np.float32], mixture: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Density of a mixture, up to a factor that all mixtures share, shape (N,)."""
+    @cached_property
+    def _whitened(
+        self,
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+        """What turns colours into whitened ones of all ten components, cloth's first.
+
+        Returns:
+            Matrix (3, 30), offset (30,), and weight of each component's density for both sides
+            (10, 2).
+        """
+        matrix, offset = np.zeros((3, 30)), np.zeros(30)
+        weights = np.zeros((2 * _COMPONENTS, 2))
+        for index, (weight, mean, covariance) in enumerate(
+            [*_components(self.cloth), *_components(self.background)]
+        ):
+            if weight <= 0.0:
+                continue
+            whitening = np.linalg.inv(np.linalg.cholesky(covariance))
+            place = slice(3 * index, 3 * index + 3)
+            matrix[:, place], offset[place] = whitening.T, whitening @ mean
+            weights[index, index // _COMPONENTS] = weight * np.linalg.det(whitening)
+        whole, shift, share = (one.astype(np.float32) for one in (matrix, offset, weights))
+        return whole, shift, share
+
+
+def _components(
+    mixture: NDArray[np.float64],
+) -> list[tuple[float, NDArray[np.float64], NDArray[np.float64]]]:
+    """Weight, mean (3,) and covariance (3, 3) of each component."""
     weights, means, covariances = np.split(
         mixture.ravel(), (_COMPONENTS, _COMPONENTS + 3 * _COMPONENTS)
     )
-    density = np.zeros(len(colours), dtype=np.float32)
-    for weight, mean, covariance in zip(
-        weights, means.reshape(-1, 3), covariances.reshape(-1, 3, 3), strict=True
-    ):
-        if weight <= 0.0:
-            continue
-        whitening = np.linalg.inv(np.linalg.cholesky(covariance)).astype(np.float32)
-        white = (colours - mean.astype(np.float32)) @ whitening.T
-        squared = np.einsum("ni,ni->n", white, white)
-        density += np.float32(weight * np.linalg.det(whitening)) * np.exp(-0.5 * squared)
-    return density
+    return list(
+        zip(weights.tolist(), means.reshape(-1, 3), covariances.reshape(-1, 3, 3), strict=True)
+    )
