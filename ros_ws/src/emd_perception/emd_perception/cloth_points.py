@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from emd_core.errors import NoClothError
 from emd_core.frames import FloatArray
 from emd_core.pinhole_camera import PinholeCamera
 from emd_perception.config import VoxelConfig
 from emd_perception.image_types import ColourImage, DepthImage, Mask
-from emd_perception.mask_morphology import bounding_window
+from emd_perception.masked_surface import masked_surface
 from emd_perception.square_means import SquareMeans
-from emd_perception.unprojection import along_rays
 
 _MIN_ALIKE = 2  # of the eight squares around a point
 
@@ -65,19 +62,15 @@ def cloth_points(
         NoClothError: If no pixel of the mask has a depth, or the depths are nothing but noise.
     """
     settings = config or VoxelConfig()
-    window = bounding_window(mask, 2)
-    colour, depth, mask = colour[window], depth[window], mask[window]
-    known = mask & np.isfinite(depth) & ~_spikes(depth, settings.max_spike)
-    if not known.any():
+    surface = masked_surface(
+        colour, depth, mask, camera, transform_camera_to_table, settings.max_spike
+    )
+    if len(surface.known_points_in_table) == 0:
         raise NoClothError(
             "the cloth was seen in the colour image, but no pixel of it has a depth; is it nearer "
             "than the sensor's minimum range, or black to its infrared light?"
         )
-    axes = transform_camera_to_table[:3, :3]
-    rays = np.stack([along_rays(axis, camera)[window][mask] for axis in axes], axis=-1)
-    origin = transform_camera_to_table[:3, 3]
-    points = rays * _filled_depth(depth, mask, known, rays[:, 2], origin[2])[:, None] + origin
-    squares = SquareMeans.of(points[known[mask]], colour[known], spacing)
+    squares = SquareMeans.of(surface.known_points_in_table, surface.known_colours, spacing)
     kept = squares.alike_beside(settings.max_lone_height) >= min(_MIN_ALIKE, len(squares) - 1)
     if not kept.any():
         raise NoClothError(
@@ -87,8 +80,8 @@ def cloth_points(
     return ClothPoints(
         squares.points[kept],
         np.rint(squares.values[kept]).astype(np.uint8),
-        points[:, :2],
-        float(known.sum() / mask.sum()),
+        surface.footprint_in_table,
+        surface.known_share,
         spacing * _scatter(squares) / float(np.sqrt(squares.counts.mean())),
     )
 
@@ -104,28 +97,3 @@ def _scatter(squares: SquareMeans) -> float:
         return float("inf")
     unbiased = squares.spread[several] * np.sqrt(counts[several] / (counts[several] - 1.0))
     return float(np.median(unbiased))
-
-
-def _spikes(depth: DepthImage, max_spike: float) -> Mask:
-    """Pixels far from the median of the 5 x 5 around them, unknown neighbours apart."""
-    middle = np.asarray(cv2.medianBlur(np.nan_to_num(depth, nan=0.0), 5))
-    return (middle > 0) & (np.abs(depth - middle) > max_spike)
-
-
-def _filled_depth(
-    depth: DepthImage, mask: Mask, known: Mask, falls: NDArray[np.float32], camera_height: float
-) -> FloatArray:
-    """Depth of all pixels of the mask, shape (P,), metres.
-
-    Pixels without a depth take the height of the nearest pixel that has one, so that no part of
-    the cloth vanishes. `falls` is how much height each ray gains per metre of depth.
-    """
-    filled = depth[mask].astype(np.float64)
-    missing = ~known[mask]
-    if missing.any():
-        height = np.full(depth.shape, np.nan)
-        height[mask] = falls * filled + camera_height
-        nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
-        of_nearest = height[tuple(nearest)][mask][missing]
-        filled[missing] = (of_nearest - camera_height) / falls[missing]
-    return filled

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import numba
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from emd_core.frames import FieldOfView, FloatArray
@@ -52,7 +54,7 @@ def _average_in_cells(
     divisions = cells_per_voxel(cloth, field_of_view, config)
     corner = np.array([field_of_view.half_extent, field_of_view.half_extent, 0.0])
     side = float(field_of_view.resolution[0]) / divisions
-    cells = SquareMeans.of(points + corner, np.empty((len(points), 0)), side)
+    cells = SquareMeans.of(points + corner, np.empty((len(points), 0), np.uint8), side)
     # A fine cell holds about one of the thinned-out points.
     wanted = config.min_points_in_cell if divisions <= 2 else 1
     return cells.points[cells.counts >= min(wanted, int(cells.counts.max()))] - corner
@@ -67,26 +69,43 @@ def _match_columns(
         Shape (M, 3), metres, table frame.
     """
     resolution = field_of_view.resolution[:2]
-    index = np.floor((cloth.footprint_in_table + field_of_view.half_extent) / resolution)
-    corner = index.min(axis=0).astype(int)
-    index = index.astype(int) - corner
-    shape = tuple(index.max(axis=0) + 1)
-    count = np.bincount(index[:, 0] * shape[1] + index[:, 1], minlength=shape[0] * shape[1])
-    count = count.reshape(shape)
+    half = field_of_view.half_extent
+    footprint = cloth.footprint_in_table
+    bounds = [
+        np.floor((end(axis=0) + half) / resolution) for end in (footprint.min, footprint.max)
+    ]
+    corner = bounds[0].astype(int)
+    count = np.zeros(bounds[1].astype(int) - corner + 1, dtype=np.int64)
+    _count_in_columns(footprint, half, resolution, corner, count)
     covered = count >= config.min_coverage * np.quantile(count[count > 0], 0.9)
-    cell_index = np.floor((cells[:, :2] + field_of_view.half_extent) / resolution).astype(int)
-    cell_index = np.clip(cell_index - corner, 0, np.array(shape) - 1)
+    cell_index = np.floor((cells[:, :2] + half) / resolution).astype(int)
+    cell_index = np.clip(cell_index - corner, 0, np.array(count.shape) - 1)
     kept = covered[cell_index[:, 0], cell_index[:, 1]]
-    height = np.full(shape, -np.inf)
+    height = np.full(count.shape, -np.inf)
     np.maximum.at(height, (cell_index[:, 0], cell_index[:, 1]), cells[:, 2])
     nearest = distance_transform_edt(np.isinf(height), return_distances=False, return_indices=True)
     bare = covered & np.isinf(height)
     x, y = (np.nonzero(bare)[axis] + corner[axis] + 0.5 for axis in (0, 1))
     filled = np.column_stack(
         [
-            x * resolution[0] - field_of_view.half_extent,
-            y * resolution[1] - field_of_view.half_extent,
+            x * resolution[0] - half,
+            y * resolution[1] - half,
             height[nearest[0][bare], nearest[1][bare]],
         ]
     )
     return np.concatenate([cells[kept], filled])
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _count_in_columns(
+    footprint: FloatArray,
+    half_extent: float,
+    resolution: FloatArray,
+    corner: NDArray[np.int64],
+    count: NDArray[np.int64],
+) -> None:
+    """Count the pixels in each column; column (0, 0) is the one at `corner`."""
+    for pixel in range(len(footprint)):
+        row = np.int64(np.floor((footprint[pixel, 0] + half_extent) / resolution[0]))
+        column = np.int64(np.floor((footprint[pixel, 1] + half_extent) / resolution[1]))
+        count[row - corner[0], column - corner[1]] += 1

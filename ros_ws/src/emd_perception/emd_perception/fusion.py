@@ -30,7 +30,7 @@ class FusedFrame:
 
     def motion_share(self, region: Mask) -> float:
         """Share of a region's pixels that moved, 0..1; 0 for an empty region."""
-        return float(self.moving[region].mean()) if region.any() else 0.0
+        return int(np.count_nonzero(self.moving & region)) / max(int(np.count_nonzero(region)), 1)
 
 
 def fuse_frames(

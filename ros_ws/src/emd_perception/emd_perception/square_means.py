@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,7 +30,9 @@ class SquareMeans:
     spread: FloatArray
 
     @classmethod
-    def of(cls, points_in_table: FloatArray, values: NDArray[Any], side: float) -> SquareMeans:
+    def of(
+        cls, points_in_table: FloatArray, values: NDArray[np.uint8], side: float
+    ) -> SquareMeans:
         """Average points over squares; the table frame's origin is a corner of four of them.
 
         Args:
@@ -38,18 +40,18 @@ class SquareMeans:
             values: What belongs to them, shape (P, K).
             side: Of the squares, metres.
         """
-        place = np.floor(points_in_table[:, :2] / side).astype(np.int64)
-        place -= place.min(axis=0)
-        columns = int(place[:, 1].max()) + 1
-        flat = place[:, 0] * columns + place[:, 1]
-        counts = np.bincount(flat)
-        held = np.flatnonzero(counts)
-        rows = [*points_in_table.T, points_in_table[:, 2] ** 2, *values.T]
-        totals = np.stack([np.bincount(flat, weights=row)[held] for row in rows], axis=-1)
-        means = totals / counts[held, None]
+        bounds = np.empty((2, 2), dtype=np.int64)
+        _find_bounds(points_in_table, side, bounds)
+        rows, columns = bounds[1] - bounds[0] + 1
+        all_counts = np.zeros(rows * columns, dtype=np.int64)
+        all_totals = np.zeros((rows * columns, 4 + values.shape[1]))
+        _add_up(points_in_table, values, side, bounds[0], columns, all_totals, all_counts)
+        held = np.flatnonzero(all_counts)
+        totals, counts = all_totals[held], all_counts[held]
+        means = totals / counts[:, None]
         index = np.stack([held // columns, held % columns], axis=-1)
         spread = np.sqrt(np.maximum(means[:, 3] - means[:, 2] ** 2, 0.0))
-        return cls(index, means[:, :3], means[:, 4:], counts[held], spread)
+        return cls(index, means[:, :3], means[:, 4:], counts, spread)
 
     def __len__(self) -> int:
         """Squares that hold points."""
@@ -68,9 +70,54 @@ class SquareMeans:
         heights = np.full(shape, np.nan)
         row, column = self.index.T + 1
         heights[row, column] = self.points[:, 2]
-        count = np.zeros(len(self), dtype=np.int64)
-        for down in (-1, 0, 1):
-            for right in (-1, 0, 1):
-                beside = heights[row + down, column + right]
-                count += np.abs(beside - self.points[:, 2]) <= max_difference
-        return count - 1  # each is as high as itself
+        count = np.empty(len(self), dtype=np.int64)
+        _count_alike(heights, self.index, max_difference, count)
+        return count
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _find_bounds(points: FloatArray, side: float, bounds: NDArray[np.int64]) -> None:
+    """Find the lowest and the highest square that holds a point, along both axes."""
+    for axis in range(2):
+        low = high = points[0, axis]
+        for point in range(len(points)):
+            low, high = min(low, points[point, axis]), max(high, points[point, axis])
+        bounds[0, axis], bounds[1, axis] = np.floor(low / side), np.floor(high / side)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _add_up(
+    points: FloatArray,
+    values: NDArray[np.uint8],
+    side: float,
+    lowest: NDArray[np.int64],
+    columns: int,
+    totals: FloatArray,
+    counts: NDArray[np.int64],
+) -> None:
+    """Add coordinates, squared heights and values to those of each point's square."""
+    for point in range(len(points)):
+        row = np.int64(np.floor(points[point, 0] / side)) - lowest[0]
+        column = np.int64(np.floor(points[point, 1] / side)) - lowest[1]
+        square = row * columns + column
+        counts[square] += 1
+        for axis in range(3):
+            totals[square, axis] += points[point, axis]
+        totals[square, 3] += points[point, 2] * points[point, 2]
+        for index in range(values.shape[1]):
+            totals[square, 4 + index] += values[point, index]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _count_alike(
+    heights: FloatArray, index: NDArray[np.int64], max_difference: float, count: NDArray[np.int64]
+) -> None:
+    """Count, for each square, those around it whose height differs little; NaN differs."""
+    for square in range(len(index)):
+        row, column = index[square, 0] + 1, index[square, 1] + 1
+        alike = -1  # it is as high as itself
+        for other_row in range(row - 1, row + 2):
+            for other_column in range(column - 1, column + 2):
+                difference = heights[other_row, other_column] - heights[row, column]
+                alike += abs(difference) <= max_difference
+        count[square] = alike

@@ -18,16 +18,28 @@ def pixel_rays(camera: PinholeCamera) -> FloatArray:
 def along_rays(direction: FloatArray, camera: PinholeCamera) -> FloatImage:
     """Component of each pixel's ray (z = 1) along a direction, shape (H, W), float32.
 
-    It is a sum of a part for the column and a part for the row, so no ray is built.
-
     Args:
         direction: Shape (3,), camera optical frame.
         camera: The camera of the pixels.
     """
-    a, b, c = direction
-    of_column = a * (np.arange(camera.width) - camera.cx) / camera.fx + c
-    of_row = b * (np.arange(camera.height) - camera.cy) / camera.fy
+    of_column, of_row = ray_parts(direction, camera)
     return np.add(of_column[None, :], of_row[:, None], dtype=np.float32)
+
+
+def ray_parts(directions: FloatArray, camera: PinholeCamera) -> tuple[FloatArray, FloatArray]:
+    """Split the components of the pixels' rays (z = 1) along directions, so that none is built.
+
+    Args:
+        directions: Shape (..., 3), camera optical frame.
+        camera: The camera of the pixels.
+
+    Returns:
+        A part for each column, shape (..., W), and one for each row, shape (..., H); a ray's
+        component is the sum of its two.
+    """
+    a, b, c = np.moveaxis(np.asarray(directions, dtype=np.float64), -1, 0)[..., None]
+    of_column = a * (np.arange(camera.width) - camera.cx) / camera.fx + c
+    return of_column, b * (np.arange(camera.height) - camera.cy) / camera.fy
 
 
 def unproject_mask(depth: DepthImage, mask: Mask, camera: PinholeCamera) -> FloatArray:
