@@ -9,8 +9,6 @@ from emd_perception.masked_surface import masked_surface
 
 CAMERA = PinholeCamera(80, 60, 65.0, 70.0, 40.0, 29.0)
 DOWN = np.array([[0.0, -1, 0, 0.1], [-1, 0, 0, 0.2], [0, 0, -1, 0.9], [0, 0, 0, 1]])
-    [[0.0, -1.0, 0.0, 0.1], [-1.0, 0.0, 0.0, 0.2], [0.0, 0.0, -1.0, 0.9], [0, 0, 0, 1]]
-)
 
 
 def images(unknown_share: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -7,7 +7,12 @@ from hypothesis import strategies as st
 
 from emd_core.errors import InvalidInputError
 from emd_core.pinhole_camera import PinholeCamera
-from emd_perception.unprojection import height_above_plane, pixel_rays, unproject_mask
+from emd_perception.unprojection import (
+    height_above_plane,
+    pixel_rays,
+    pixels_near_plane,
+    unproject_mask,
+)
 
 CAMERA = PinholeCamera(64, 48, 60.0, 55.0, 30.0, 25.0)
 
@@ -55,3 +60,17 @@ def test_an_image_of_another_size_is_refused() -> None:
         unproject_mask(depth, np.ones(depth.shape, bool), CAMERA)
     with pytest.raises(InvalidInputError, match="64 x 48"):
         height_above_plane(depth, np.array([0.0, 0.0, -1.0, 1.0]), CAMERA)
+
+
+def test_pixels_near_a_plane_are_those_of_small_height() -> None:
+    """The same pixels as by the height image, unknown ones never, only where allowed."""
+    plane = np.array([0.0, -0.6, -0.8, 0.9])
+    depth = np.random.default_rng(2).uniform(0.9, 1.3, (48, 64)).astype(np.float32)
+    depth[::5] = np.nan
+    allowed = np.random.default_rng(3).random(depth.shape) < 0.5
+    near = np.abs(height_above_plane(depth, plane, CAMERA)) < 0.1
+    assert 100 < near.sum() < near.size - 100
+    found = pixels_near_plane(depth, plane, CAMERA, 0.1)
+    np.testing.assert_array_equal(found, np.flatnonzero(near))
+    found = pixels_near_plane(depth, plane, CAMERA, 0.1, allowed)
+    np.testing.assert_array_equal(found, np.flatnonzero(near & allowed))

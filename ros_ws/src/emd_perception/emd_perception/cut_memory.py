@@ -37,6 +37,7 @@ class CutMemory:
         """
         if lab.shape != self.lab.shape or not region.any():
             return False
-        difference = lab[region] - self.lab[region]
-        squared = np.einsum("ni,ni->n", difference, difference)
-        return float((squared > _CHANGE**2).mean()) <= _CHANGED_SHARE
+        difference = lab - self.lab
+        squared = np.einsum("vui,vui->vu", difference, difference)
+        changed = np.count_nonzero((squared > _CHANGE**2) & region)
+        return int(changed) <= _CHANGED_SHARE * int(np.count_nonzero(region))

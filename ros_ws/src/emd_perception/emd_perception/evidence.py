@@ -168,7 +168,8 @@ def height_contrast(height: DepthImage, bare: Mask, floor: float) -> tuple[Float
     chosen = chosen[:: -(-len(chosen) // _MAX_SAMPLES) or 1]
     samples = basis.reshape(-1, basis.shape[-1])[chosen].astype(np.float64)
     trend, spread = _fit_trend(samples, height.ravel()[chosen].astype(np.float64), floor)
-    raised = np.nan_to_num(np.maximum(height - basis @ trend, 0.0), nan=0.0)
+    level = (basis.reshape(-1, basis.shape[-1]) @ trend).reshape(height.shape)
+    raised = np.nan_to_num(np.maximum(height - level, 0.0), nan=0.0)
     return np.asarray(raised / spread, dtype=np.float32), spread
 
 

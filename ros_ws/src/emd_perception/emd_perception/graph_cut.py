@@ -104,7 +104,7 @@ def cut(
     )
     mask = np.zeros(labels.shape, dtype=bool)
     mask[window] = part & 1
-    return mask, ColourMixtures(background, cloth)
+    return mask, known_mixtures or ColourMixtures(background, cloth)
 
 
 def refine(

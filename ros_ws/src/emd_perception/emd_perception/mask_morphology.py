@@ -3,31 +3,33 @@
 from __future__ import annotations
 
 import cv2
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from emd_perception.image_types import Mask
+from emd_core.frames import FloatArray
+from emd_perception.image_types import FloatImage, Mask
 
 
 def dilate(mask: Mask, side: int) -> Mask:
     """Grow a mask by a square of `side` pixels."""
-    return np.asarray(cv2.dilate(mask.astype(np.uint8), _square(side)), dtype=np.bool_)
+    return _mask(cv2.dilate(_pixels(mask), _square(side)))
 
 
 def erode(mask: Mask, side: int, outside: bool = False) -> Mask:
     """Shrink a mask by a square of `side` pixels; `outside` says what lies beyond the picture."""
-    pixels = mask.astype(np.uint8)
+    pixels = _pixels(mask)
     border = int(outside)
     shrunk = cv2.erode(
         pixels, _square(side), borderType=cv2.BORDER_CONSTANT, borderValue=(border,)
     )
-    return np.asarray(shrunk, dtype=np.bool_)
+    return _mask(shrunk)
 
 
 def opened(mask: Mask, side: int) -> Mask:
     """Remove what is narrower than `side` pixels."""
-    pixels = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, _square(side))
-    return np.asarray(pixels, dtype=np.bool_)
+    pixels = cv2.morphologyEx(_pixels(mask), cv2.MORPH_OPEN, _square(side))
+    return _mask(pixels)
 
 
 def label_components(mask: Mask, connectivity: int = 8) -> tuple[int, NDArray[np.int32]]:
@@ -36,18 +38,46 @@ def label_components(mask: Mask, connectivity: int = 8) -> tuple[int, NDArray[np
     Returns:
         Count of labels, background 0 included, and the label of each pixel, shape (H, W).
     """
-    count, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=connectivity)
+    count, labels = cv2.connectedComponents(_pixels(mask), connectivity=connectivity)
     return count, np.asarray(labels, dtype=np.int32)
+
+
+def component_sums(
+    labels: NDArray[np.int32], count: int, weights: FloatImage, marked: Mask
+) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Sum up, for each label, the weights of its pixels, and count those that are marked.
+
+    Args:
+        labels: Shape (H, W), below `count`.
+        count: How many labels there are.
+        weights: Shape (H, W).
+        marked: Shape (H, W).
+
+    Returns:
+        Sums and counts, shape (count,) each.
+    """
+    sums, counts = np.zeros(count), np.zeros(count, dtype=np.int64)
+    _add_components(
+        np.ascontiguousarray(labels),
+        np.ascontiguousarray(weights),
+        np.ascontiguousarray(marked),
+        sums,
+        counts,
+    )
+    return sums, counts
 
 
 def convex_hull(mask: Mask) -> Mask:
     """The convex hull of a mask's pixels; empty if the mask is."""
     hull = np.zeros(mask.shape, dtype=np.uint8)
-    if mask.any():
-        # Only the outline's pixels can be corners; the inner ones would cost 8 ms.
-        points = cv2.findNonZero((mask & ~erode(mask, 3)).astype(np.uint8))
-        cv2.fillConvexPoly(hull, cv2.convexHull(points), (1,))
-    return hull.astype(np.bool_)
+    rows = np.flatnonzero(mask.any(axis=1))
+    if len(rows) > 0:
+        # Only the first and the last pixel of a row can be corners.
+        first = mask[rows].argmax(axis=1)
+        last = mask.shape[1] - 1 - mask[rows, ::-1].argmax(axis=1)
+        ends = np.concatenate([np.stack([first, rows], -1), np.stack([last, rows], -1)])
+        cv2.fillConvexPoly(hull, cv2.convexHull(ends.astype(np.int32)), (1,))
+    return _mask(hull)
 
 
 def bounding_window(mask: Mask, margin: int) -> tuple[slice, slice]:
@@ -64,9 +94,40 @@ def bounding_window(mask: Mask, margin: int) -> tuple[slice, slice]:
 def resize_mask(mask: Mask, shape: tuple[int, ...]) -> Mask:
     """Resize a mask to `shape` (rows, columns) by the nearest pixel."""
     size = (shape[1], shape[0])
-    pixels = cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
-    return np.asarray(pixels, dtype=np.bool_)
+    pixels = cv2.resize(_pixels(mask), size, interpolation=cv2.INTER_NEAREST)
+    return _mask(pixels)
 
 
 def _square(side: int) -> NDArray[np.uint8]:
     return np.ones((side, side), dtype=np.uint8)
+
+
+def _pixels(mask: Mask) -> NDArray[np.uint8]:
+    """The same memory as OpenCV takes it."""
+    return np.ascontiguousarray(mask).view(np.uint8)
+
+
+def _mask(pixels: object) -> Mask:
+    """The same memory, zeros and ones, as a mask."""
+    return np.asarray(pixels, dtype=np.uint8).view(np.bool_)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _add_components(
+    labels: NDArray[np.int32],
+    weights: FloatImage,
+    marked: Mask,
+    sums: FloatArray,
+    counts: NDArray[np.int64],
+) -> None:
+    for row in range(labels.shape[0]):
+        label, total, count = labels[row, 0], 0.0, 0  # of the run of equal labels up to here
+        for column in range(labels.shape[1]):
+            if labels[row, column] != label:
+                sums[label] += total
+                counts[label] += count
+                label, total, count = labels[row, column], 0.0, 0
+            total += weights[row, column]
+            count += marked[row, column]
+        sums[label] += total
+        counts[label] += count

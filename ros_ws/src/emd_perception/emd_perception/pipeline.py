@@ -21,10 +21,9 @@ from emd_perception.open3d_library import load_open3d
 from emd_perception.perception import Perception
 from emd_perception.quality import Judgement, combine, good
 from emd_perception.region import field_of_view_region, observed_region, pixel_area_on_table
-from emd_perception.segmentation import Segmentation, segment_cloth
+from emd_perception.segmentation import segment_cloth
 from emd_perception.stopwatch import Stopwatch
 from emd_perception.table_frame import check_transform
-from emd_perception.table_plane import TablePlane
 from emd_perception.table_search import find_table, locate_table_frame
 from emd_perception.unprojection import height_above_plane
 
@@ -121,8 +120,12 @@ def _perceive_fused(frame: FusedFrame, view: _View, clock: Stopwatch) -> Percept
     with clock.stage("plane"):
         rough = find_table(frame.depth, view.camera, known_pose, config.plane)
     with clock.stage("segmentation"):
-        region = _region(frame, rough, view)
-        segmentation = _segment(frame, rough, region, view)
+        height = height_above_plane(frame.depth, rough.coefficients, view.camera)
+        region = _region(height, view)
+        area = pixel_area_on_table(view.camera, rough)
+        segmentation = segment_cloth(
+            frame.colour, height, area, region, config.segmentation, view.last
+        )
     with clock.stage("table_frame"):
         table = locate_table_frame(
             frame.depth, rough, segmentation.mask, region, view.camera, known_pose, config.plane
@@ -150,9 +153,9 @@ def _perceive_fused(frame: FusedFrame, view: _View, clock: Stopwatch) -> Percept
     )
 
 
-def _region(frame: FusedFrame, table: TablePlane, view: _View) -> Mask:
-    """Pixels in which cloth is looked for."""
-    region = observed_region(height_above_plane(frame.depth, table.coefficients, view.camera))
+def _region(height: DepthImage, view: _View) -> Mask:
+    """Pixels in which cloth is looked for, given their heights above the table, shape (H, W)."""
+    region = observed_region(height)
     if view.transform_camera_to_table is None:
         return region
     return region & field_of_view_region(
@@ -161,12 +164,6 @@ def _region(frame: FusedFrame, table: TablePlane, view: _View) -> Mask:
         view.field_of_view,
         view.config.segmentation.region_margin,
     )
-
-
-def _segment(frame: FusedFrame, table: TablePlane, region: Mask, view: _View) -> Segmentation:
-    height = height_above_plane(frame.depth, table.coefficients, view.camera)
-    area = pixel_area_on_table(view.camera, table)
-    return segment_cloth(frame.colour, height, area, region, view.config.segmentation, view.last)
 
 
 def _voxelise(

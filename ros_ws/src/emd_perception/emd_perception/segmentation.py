@@ -30,6 +30,7 @@ from emd_perception.hands import (
 from emd_perception.image_types import ColourImage, DepthImage, FloatImage, Mask
 from emd_perception.mask_morphology import (
     bounding_window,
+    component_sums,
     dilate,
     erode,
     label_components,
@@ -124,11 +125,10 @@ def segment_cloth(
 def _pieces_near(mask: Mask, guide: Mask) -> Mask:
     """The connected pieces of a mask that share a good part of their pixels with a guide."""
     count, labels = label_components(mask)
-    size = np.bincount(labels.ravel(), minlength=count)
-    shared = np.bincount(labels[guide], minlength=count)
+    size, shared = component_sums(labels, count, np.ones(mask.shape, np.float32), guide)
     near = shared > 0.5 * size
     near[0] = False
-    return np.asarray(near[labels])
+    return near[labels]
 
 
 def _piece_at(mask: Mask, guide: Mask) -> Mask:
@@ -144,8 +144,7 @@ def _fill_holes(
 ) -> Mask:
     """Fill small holes, but none through which something taller than cloth is seen."""
     count, labels = label_components(~mask, connectivity=4)
-    areas = np.bincount(labels.ravel(), weights=pixel_area.ravel(), minlength=count)
-    tall = np.bincount(labels[height > config.max_height], minlength=count)
+    areas, tall = component_sums(labels, count, pixel_area, height > config.max_height)
     hole = (areas < config.max_hole_area) & (tall == 0)
     hole[0] = False
     return mask | hole[labels]

@@ -21,6 +21,7 @@ _CONSISTENCY = 2.0
 _MAX_SAMPLES = 1200
 _MIN_SAMPLES = 50
 _TREND_RIDGE = 0.02
+_TERMS = 6  # of the trend
 
 
 @dataclass(frozen=True)
@@ -82,13 +83,12 @@ def learn_table_appearance(
     Returns:
         The table's colour, or None if fewer than 50 pixels are candidates.
     """
-    rim = region_rim(table_candidates, config.border_share)
-    colours = lab[rim].astype(np.float64)
-    basis = trend_basis(lab.shape[:2])[rim].astype(np.float64)
-    if len(colours) < _MIN_SAMPLES:
+    rim = np.flatnonzero(region_rim(table_candidates, config.border_share))
+    if len(rim) < _MIN_SAMPLES:
         return None
-    step = -(-len(colours) // _MAX_SAMPLES)
-    colours, basis = colours[::step], basis[::step]
+    samples = rim[:: -(-len(rim) // _MAX_SAMPLES)]
+    colours = lab.reshape(-1, 3)[samples].astype(np.float64)
+    basis = trend_basis(lab.shape[:2]).reshape(-1, _TERMS)[samples].astype(np.float64)
     floor = np.array([config.lightness_floor, config.chroma_floor, config.chroma_floor])
     trend = np.zeros((basis.shape[1], 3))
     trend[0] = np.median(colours, axis=0)
@@ -132,7 +132,9 @@ def _fit(colours: FloatArray, basis: FloatArray, floor: FloatArray) -> TableAppe
     ridge = _TREND_RIDGE * len(colours) * np.eye(basis.shape[1])
     ridge[0, 0] = 0.0
     trend = np.linalg.solve(basis.T @ basis + ridge, basis.T @ colours)
-    covariance = np.asarray(_CONSISTENCY * np.cov(colours - basis @ trend, rowvar=False))
+    left = colours - basis @ trend
+    left -= left.mean(axis=0)
+    covariance = _CONSISTENCY / (len(left) - 1) * (left.T @ left)
     return TableAppearance(np.asarray(trend), _widen(covariance, floor))
 
 

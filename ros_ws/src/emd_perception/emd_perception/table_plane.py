@@ -1,10 +1,11 @@
-"""The table's plane in a depth image, by RANSAC (Open3D)."""
+"""The table's plane in a depth image: by RANSAC (Open3D), or from a plane nearly known."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FloatArray
@@ -12,9 +13,9 @@ from emd_core.pinhole_camera import PinholeCamera
 from emd_perception.config import PlaneConfig
 from emd_perception.image_types import DepthImage, Mask
 from emd_perception.open3d_library import load_open3d, point_cloud
-from emd_perception.unprojection import unproject_mask
 
 MIN_POINTS = 50
+_MOST_FITS = 10
 
 
 @dataclass(frozen=True)
@@ -55,32 +56,85 @@ def fit_table_plane(
     Raises:
         InvalidInputError: If fewer than 50 pixels have a depth.
     """
+    known = np.isfinite(depth)
+    pixels = np.flatnonzero(known if mask is None else known & mask)
+    return fit_plane_to_pixels(depth, camera, pixels, config)
+
+
+def fit_plane_to_pixels(
+    depth: DepthImage,
+    camera: PinholeCamera,
+    pixels: NDArray[np.int64],
+    config: PlaneConfig | None = None,
+    nearly: FloatArray | None = None,
+) -> TablePlane:
+    """Find the plane that most of the given pixels support.
+
+    Args:
+        depth: Shape (H, W), metres.
+        camera: The camera that took it.
+        pixels: Flat indices of pixels that have a depth, rising, shape (N,).
+        config: Thresholds; the defaults if None.
+        nearly: A plane a, b, c, d that should be near the one looked for, if one is known. Where
+            enough pixels support it, it is fitted to those that do until they stay the same, and
+            no other plane is tried.
+
+    Raises:
+        InvalidInputError: If there are fewer than 50 pixels.
+    """
     settings = config or PlaneConfig()
-    allowed = np.ones(depth.shape, dtype=bool) if mask is None else mask
-    points = _thin_out(depth, allowed, camera, settings.max_points)
-    if len(points) < MIN_POINTS:
+    if len(pixels) < MIN_POINTS:
         raise InvalidInputError(
             f"at least {MIN_POINTS} table pixels with a depth are needed to find the table, got "
-            f"{len(points)}; does the camera see the table, within the sensor's range?"
+            f"{len(pixels)}; does the camera see the table, within the sensor's range?"
         )
-    load_open3d().utility.random.seed(settings.random_seed)
+    points = _points_at(depth, camera, pixels[:: -(-len(pixels) // settings.max_points)])
+    known = None if nearly is None else _fitted_from(points, nearly, settings)
+    return _tried_out(points, settings) if known is None else known
+
+
+def _fitted_from(points: FloatArray, nearly: FloatArray, config: PlaneConfig) -> TablePlane | None:
+    """Fit a plane to the points near it, again and again; None if too few are."""
+    plane = np.asarray(nearly, dtype=np.float64)
+    support = np.zeros(len(points), dtype=np.bool_)
+    for _ in range(_MOST_FITS):
+        before = support
+        support = np.abs(points @ plane[:3] + plane[3]) < config.distance_threshold
+        count = int(np.count_nonzero(support))
+        if count < config.min_inlier_share * len(points) or count < MIN_POINTS:
+            return None
+        if np.array_equal(support, before):
+            break
+        near = points[support]
+        centre = near.mean(axis=0)
+        near -= centre
+        normal = np.linalg.eigh(near.T @ near)[1][:, 0]  # the direction of least spread
+        plane = _towards_camera(np.array([*normal, -(normal @ centre)]))
+    return TablePlane(plane, count / len(points))
+
+
+def _tried_out(points: FloatArray, config: PlaneConfig) -> TablePlane:
+    """RANSAC."""
+    load_open3d().utility.random.seed(config.random_seed)
     # Probability 1 tries every plane. With the default, Open3D's threads stop early, at a plane
     # that differs from run to run in spite of the seed.
     plane, inliers = point_cloud(points).segment_plane(
-        settings.distance_threshold, 3, settings.iterations, probability=1.0
+        config.distance_threshold, 3, config.iterations, probability=1.0
     )
     coefficients = np.asarray(plane, dtype=np.float64)
     coefficients /= np.linalg.norm(coefficients[:3])
-    if coefficients[3] < 0:
-        coefficients = -coefficients
-    return TablePlane(coefficients, len(inliers) / len(points))
+    return TablePlane(_towards_camera(coefficients), len(inliers) / len(points))
 
 
-def _thin_out(
-    depth: DepthImage, allowed: Mask, camera: PinholeCamera, max_points: int
-) -> FloatArray:
-    """Take every n-th allowed pixel with a depth, at most `max_points` of them."""
-    index = np.flatnonzero(allowed & np.isfinite(depth))
-    chosen = np.zeros(depth.size, dtype=bool)
-    chosen[index[:: max(1, -(-len(index) // max_points))]] = True
-    return unproject_mask(depth, chosen.reshape(depth.shape), camera)
+def _towards_camera(coefficients: FloatArray) -> FloatArray:
+    """The same plane with its normal towards the camera."""
+    return -coefficients if coefficients[3] < 0 else coefficients
+
+
+def _points_at(depth: DepthImage, camera: PinholeCamera, pixels: NDArray[np.int64]) -> FloatArray:
+    """Points of pixels, shape (N, 3), metres, camera optical frame."""
+    rows, columns = np.divmod(pixels, depth.shape[1])
+    z = depth[rows, columns].astype(np.float64)
+    return np.column_stack(
+        [(columns - camera.cx) / camera.fx * z, (rows - camera.cy) / camera.fy * z, z]
+    )

@@ -4,23 +4,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from emd_core.frames import FloatArray
 from emd_core.pinhole_camera import PinholeCamera
 from emd_perception.config import PlaneConfig
 from emd_perception.image_types import DepthImage, Mask
+from emd_perception.mask_morphology import dilate
 from emd_perception.quality import Judgement, good
 from emd_perception.table_frame import (
     plane_from_transform,
     refine_table_frame,
     table_frame_from_plane,
 )
-from emd_perception.table_plane import TablePlane, fit_table_plane
-from emd_perception.unprojection import height_above_plane, pixel_rays, unproject_mask
+from emd_perception.table_plane import TablePlane, fit_plane_to_pixels, fit_table_plane
+from emd_perception.unprojection import pixel_rays, pixels_near_plane, unproject_mask
 
 _MIN_PIXELS = 1000
+_BARE = 0.03  # metres from the rough plane; bare table, a sensor's distortion included
 _OUTLINE_MARGIN = 9  # pixels; depth near the outline mixes cloth and table
 
 
@@ -55,9 +56,10 @@ def find_table(
     if transform_camera_to_table is None:
         return fit_table_plane(depth, camera, config)
     expected = plane_from_transform(transform_camera_to_table)
-    near = np.abs(height_above_plane(depth, expected, camera)) < 2.0 * config.max_offset
-    enough = near.sum() >= max(_MIN_PIXELS, 0.1 * np.isfinite(depth).sum())
-    return fit_table_plane(depth, camera, config, near if enough else None)
+    near = pixels_near_plane(depth, expected, camera, 2.0 * config.max_offset)
+    if len(near) < max(_MIN_PIXELS, 0.1 * np.count_nonzero(np.isfinite(depth))):
+        return fit_table_plane(depth, camera, config)
+    return fit_plane_to_pixels(depth, camera, near, config, expected)
 
 
 def locate_table_frame(
@@ -81,14 +83,14 @@ def locate_table_frame(
         transform_camera_to_table: Extrinsics, if known.
         config: Thresholds.
     """
-    near = np.abs(height_above_plane(depth, rough.coefficients, camera)) < 0.03
-    kernel = np.ones((2 * _OUTLINE_MARGIN + 1,) * 2, np.uint8)
-    bare = near & ~cv2.dilate(cloth_mask.astype(np.uint8), kernel).astype(bool)
-    beside = bare & region
-    if min(beside.sum(), bare.sum()) < _MIN_PIXELS:
-        plane, measured = rough, bool(bare.sum() >= _MIN_PIXELS)
+    around = ~dilate(cloth_mask, 2 * _OUTLINE_MARGIN + 1)
+    beside = pixels_near_plane(depth, rough.coefficients, camera, _BARE, around & region)
+    if len(beside) < _MIN_PIXELS:
+        bare = pixels_near_plane(depth, rough.coefficients, camera, _BARE, around)
+        plane, measured = rough, len(bare) >= _MIN_PIXELS
     else:
-        plane, measured = fit_table_plane(depth, camera, config, beside), True
+        plane = fit_plane_to_pixels(depth, camera, beside, config, rough.coefficients)
+        measured = True
     judgements = [
         Judgement(1.0 if measured else 0.5, "too little bare table to measure its plane"),
         Judgement(

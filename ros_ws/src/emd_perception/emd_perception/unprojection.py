@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FloatArray
@@ -22,8 +24,9 @@ def along_rays(direction: FloatArray, camera: PinholeCamera) -> FloatImage:
         direction: Shape (3,), camera optical frame.
         camera: The camera of the pixels.
     """
-    of_column, of_row = ray_parts(direction, camera)
-    return np.add(of_column[None, :], of_row[:, None], dtype=np.float32)
+    along = np.empty((camera.height, camera.width), dtype=np.float32)
+    _add_parts(*ray_parts(direction, camera), along)
+    return along
 
 
 def ray_parts(directions: FloatArray, camera: PinholeCamera) -> tuple[FloatArray, FloatArray]:
@@ -80,8 +83,71 @@ def height_above_plane(
         InvalidInputError: If the depth image does not have the camera's size.
     """
     _check_shape(depth.shape, camera)
-    along = along_rays(table_plane[:3], camera)
-    return np.asarray(depth * along + np.float32(table_plane[3]), dtype=np.float32)
+    height = np.empty(depth.shape, dtype=np.float32)
+    _add_heights(depth, *ray_parts(table_plane[:3], camera), float(table_plane[3]), height)
+    return height
+
+
+def pixels_near_plane(
+    depth: DepthImage,
+    table_plane: FloatArray,
+    camera: PinholeCamera,
+    reach: float,
+    allowed: Mask | None = None,
+) -> NDArray[np.int64]:
+    """Find the pixels whose points lie near a plane.
+
+    Args:
+        depth: Shape (H, W), metres, NaN where unknown.
+        table_plane: a, b, c, d with a unit normal, camera optical frame.
+        camera: The camera that took the depth image.
+        reach: Largest distance from the plane, metres.
+        allowed: Pixels that may be found, shape (H, W); all if None.
+
+    Returns:
+        Flat indices, rising, shape (N,).
+
+    Raises:
+        InvalidInputError: If the depth image does not have the camera's size.
+    """
+    _check_shape(depth.shape, camera)
+    near = np.empty(depth.shape, dtype=np.bool_)
+    _mark_near(depth, *ray_parts(table_plane[:3], camera), float(table_plane[3]), reach, near)
+    return np.flatnonzero(near if allowed is None else near & allowed)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _add_parts(of_column: FloatArray, of_row: FloatArray, along: FloatImage) -> None:
+    for row in range(along.shape[0]):
+        for column in range(along.shape[1]):
+            along[row, column] = of_column[column] + of_row[row]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _add_heights(
+    depth: DepthImage, of_column: FloatArray, of_row: FloatArray, offset: float, height: DepthImage
+) -> None:
+    shift = np.float32(offset)
+    for row in range(depth.shape[0]):
+        for column in range(depth.shape[1]):
+            along = np.float32(of_column[column] + of_row[row])
+            height[row, column] = depth[row, column] * along + shift
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _mark_near(
+    depth: DepthImage,
+    of_column: FloatArray,
+    of_row: FloatArray,
+    offset: float,
+    reach: float,
+    near: Mask,
+) -> None:
+    shift, most = np.float32(offset), np.float32(reach)
+    for row in range(depth.shape[0]):
+        for column in range(depth.shape[1]):
+            along = np.float32(of_column[column] + of_row[row])
+            near[row, column] = abs(depth[row, column] * along + shift) < most  # not for NaN
 
 
 def _check_shape(shape: tuple[int, ...], camera: PinholeCamera) -> None:
