@@ -27,7 +27,6 @@ from emd_perception.calibration.check import CheckConfig
 from emd_perception.config import PerceptionConfig
 from emd_perception.frame_input import InputConfig
 from emd_perception.health import Health
-from emd_perception.open3d_library import load_open3d
 from emd_perception.perception import Perception
 from emd_perception.ros import camera_topics
 from emd_perception.ros.frame_buffer import FrameBuffer
@@ -39,6 +38,7 @@ from emd_perception.session import PerceptionSession
 from emd_perception.stream_statistics import StreamStatistics
 from emd_perception.table_tracker import TrackerConfig
 from emd_perception.table_watch import TableWatch
+from emd_perception.warm_up import prepare
 
 _HEALTH_PERIOD = 1.0  # seconds
 _AT_START = ("reliable", "sync_tolerance", "calibration")
@@ -93,7 +93,7 @@ class PerceptionNode(Node):
         self._camera_pose: PoseStamped | None = None
         self._buffer, self._statistics = FrameBuffer(), StreamStatistics()
         self._decoder = FrameDecoder(source)
-        load_open3d()  # takes a second, in which the first frames would be lost
+        prepare()  # takes a while, in which the first frames would be lost
         self._publisher = PerceptionPublisher(self)
         self.create_subscription(PoseStamped, camera_topics.POSE, self._on_pose, LATCHED)
         start = self._config.value
