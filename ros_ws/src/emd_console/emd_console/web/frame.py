@@ -7,7 +7,7 @@ from collections.abc import Callable
 from nicegui import ui
 
 from emd_console.session import Session
-from emd_console.web.console import Console
+from emd_console.web.console import STATIC, Console
 from emd_console.web.controls import button, guarded, tell
 from emd_core.errors import CellError
 
@@ -25,6 +25,13 @@ def page_frame(console: Console, session: Session) -> Callable[[], None]:
         button("", lambda: _toggle(dark), "d", "contrast").props('aria-label="light or dark"')
         _stop_button(session)
     return commander.refresh
+
+
+def add_scripts() -> None:
+    """Let the page run its scripts: all asked for at once, and run before the framework's."""
+    for file in sorted(STATIC.glob("*.js")):
+        ui.add_head_html(f'<link rel="modulepreload" href="/static/{file.name}">')
+    ui.add_head_html('<script type="module" src="/static/console.js"></script>')
 
 
 def _toggle(dark: ui.dark_mode) -> None:

@@ -6,6 +6,7 @@ import json
 from typing import Any
 
 from nicegui import ui
+from nicegui.elements import scene  # noqa: F401  (puts three.js into the pages' import map)
 from starlette.requests import Request
 
 from emd_console.access import Role
@@ -14,7 +15,7 @@ from emd_console.sections import heights
 from emd_console.session import Session
 from emd_console.web.console import Console
 from emd_console.web.controls import guarded
-from emd_console.web.frame import page_frame
+from emd_console.web.frame import add_scripts, page_frame
 from emd_console.web.goal_panel import GoalPanel
 from emd_console.web.guard import ROLE, VISITOR
 from emd_console.web.sections_html import figure
@@ -61,8 +62,8 @@ def _build(console: Console, session: Session) -> None:
                         figure(name, name.capitalize())
                 work = WorkPanel(console, session)
             with ui.element("section").classes("card tabs"):
-                scene = _tabs()
-    _data(scene)
+                _tabs()
+    _data()
 
     def update() -> None:
         if ui.context.client.has_socket_connection:
@@ -86,28 +87,27 @@ def _camera() -> None:
         ui.html('<div id="picture-note">waiting for the camera</div>', sanitize=False)
 
 
-def _tabs() -> int:
-    """Build the panels below; gives the 3D scene's element id."""
+def _tabs() -> None:
+    """Build the panels below; what is in them the page's scripts draw."""
     names = {"robot": "Robot", "search": "Search", "nodes": "Nodes"}
     buttons = "".join(
         f'<button role="tab" data-tab="{name}" data-key="{number}">{title}</button>'
         for number, (name, title) in enumerate(names.items(), start=1)
     )
     ui.html(f'<div role="tablist" class="tablist">{buttons}</div>', sanitize=False)
-    with ui.element("div").classes("panel").props('data-panel="robot"'):
-        scene = ui.scene(width=420, height=230, grid=False, fps=10, background_color="#ffffff")
-        scene.classes("robot")
-        scene.move_camera(x=1.05, y=0.75, z=0.55, look_at_x=0.22, look_at_z=0.08, duration=0)
-    for name in ("search", "nodes"):
-        content = '<canvas id="curve"></canvas>' if name == "search" else ""
+    contents = {
+        "robot": '<div id="robot"><canvas></canvas><p class="hint"></p></div>',
+        "search": '<div id="search"><canvas id="curve"></canvas></div>',
+        "nodes": '<div id="nodes"></div>',
+    }
+    for name, content in contents.items():
         with ui.element("div").classes("panel").props(f'data-panel="{name}"'):
-            ui.html(f'<div id="{name}">{content}</div>', sanitize=False)
-    return scene.id
+            ui.html(content, sanitize=False)
 
 
-def _data(scene: int) -> None:
+def _data() -> None:
     """Hand the page what its scripts need from the beginning."""
     thumbs = {goal.name: heights(goal.grid) for goal in gallery()}
-    data: dict[str, Any] = {"scene": scene, "gallery": thumbs}
+    data: dict[str, Any] = {"gallery": thumbs}
     ui.add_body_html(f"<script>window.EMD = {json.dumps(data)}</script>")
-    ui.add_body_html('<script type="module" src="/static/console.js"></script>')
+    add_scripts()

@@ -11,7 +11,7 @@ from emd_console.example_store import ACCEPTED, REJECTED, UNDECIDED, Review, Sto
 from emd_console.session import Session
 from emd_console.web.console import Console
 from emd_console.web.controls import button, guarded
-from emd_console.web.frame import page_frame
+from emd_console.web.frame import add_scripts, page_frame
 from emd_console.web.main_page import open_session
 
 _SHOWN = 60
@@ -35,7 +35,7 @@ def add_review_page(console: Console) -> None:
         update()
         panel.show()
         ui.add_body_html("<script>window.EMD = null</script>")
-        ui.add_body_html('<script type="module" src="/static/console.js"></script>')
+        add_scripts()
 
 
 class ReviewPanel:

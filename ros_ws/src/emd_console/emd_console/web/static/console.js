@@ -9,16 +9,18 @@ import { bindTabs, drawFolds, drawNodes, drawStatus } from "./texts.js";
 
 const PICTURE = 1;
 const POSES = 2;
+const NO_CAMERA = 3000; // milliseconds after which the robot is drawn without a picture
 
 class Page {
   constructor(data) {
     this.sections = {};
     this.camera = new Camera();
-    this.robot = new RobotScene(data.scene);
+    this.robot = new RobotScene();
     this.turn = new Turntable(["now", "predicted", "goal"], () => this.drawGrids());
     for (const [name, heights] of Object.entries(data.gallery)) {
       drawGrid(document.getElementById(`goal-${name}`), heights, "goal", { angle: -0.6, tilt: 0.9 });
     }
+    setTimeout(() => this.robot.begin(), NO_CAMERA);
     bindTabs(() => this.drawCurve());
     new ResizeObserver(() => this.redraw()).observe(document.body);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.redraw());
@@ -54,16 +56,18 @@ class Page {
   redraw() {
     this.drawGrids();
     this.drawCurve();
-    this.robot.recolour();
+    this.robot.redraw();
     for (const canvas of document.querySelectorAll(".goal canvas")) canvas.redraw?.();
   }
 }
 
-function connect(page) {
+// The socket is opened before the framework has built the page; what comes meanwhile waits.
+function connect(built) {
   const scheme = location.protocol === "https:" ? "wss" : "ws";
   const socket = new WebSocket(`${scheme}://${location.host}/live`);
   socket.binaryType = "blob";
   socket.onmessage = async (event) => {
+    const page = await built;
     if (typeof event.data === "string") {
       for (const [name, value] of Object.entries(JSON.parse(event.data))) page.take(name, value);
       return;
@@ -74,22 +78,29 @@ function connect(page) {
     } else if (kind === PICTURE) {
       await page.camera.show(event.data.slice(1, event.data.size, "image/jpeg"));
       if (socket.readyState === WebSocket.OPEN) socket.send("next");
+      page.robot.begin();
     }
   };
-  socket.onclose = () => {
+  socket.onclose = async () => {
+    await built;
     drawStatus({ lost: true });
-    setTimeout(() => connect(page), 1000);
+    setTimeout(() => connect(built), 1000);
   };
 }
 
-function whenThere(selector, then) {
-  if (document.querySelector(selector)) then();
-  else setTimeout(() => whenThere(selector, then), 20);
+// Gives a promise of an element that the framework will build.
+function whenThere(selector) {
+  return new Promise((resolve) => {
+    const look = () => document.querySelector(selector) && (watch.disconnect(), resolve());
+    const watch = new MutationObserver(look);
+    watch.observe(document.body, { childList: true, subtree: true });
+    look();
+  });
 }
 
 bindKeys();
 if (window.EMD) {
-  whenThere("#folds", () => connect((window.page = new Page(window.EMD))));
+  connect(whenThere("#folds").then(() => (window.page = new Page(window.EMD))));
 } else {
-  whenThere("#status", () => (document.getElementById("status").textContent = "recordings"));
+  whenThere("#status").then(() => (document.getElementById("status").textContent = "recordings"));
 }

@@ -1,38 +1,62 @@
 // The robot in 3D: shapes are built once from its description, poses come as they change.
+// three.js is large and comes last; a picture is drawn only when something has changed.
 
-import { THREE } from "nicegui-scene";
 import { theme } from "./colours.js";
 
 const FIELD = 0.571; // metres; the network's field of view
 const VALUES = 7;
+const EYE = [1.05, 0.75, 0.55]; // metres, base frame
+const MIDDLE = [0.22, 0, 0.08];
+let THREE = null;
 
 export class RobotScene {
-  constructor(elementId) {
-    this.elementId = elementId;
-    this.root = new THREE.Group();
+  constructor() {
+    this.place = document.getElementById("robot");
+    [this.canvas, this.note] = this.place.children;
     this.meshes = [];
+    this.asked = false;
   }
 
-  get component() {
-    return typeof getElement === "function" ? getElement(this.elementId) : null;
+  // Load three.js and draw what is known by then.
+  async begin() {
+    if (this.asked) return;
+    this.asked = true;
+    try {
+      const library = await import("nicegui-scene");
+      THREE = library.THREE;
+      this.renderer = new THREE.WebGLRenderer({ antialias: true, canvas: this.canvas });
+      this.light();
+      this.controls = new library.OrbitControls(this.camera, this.canvas);
+    } catch (error) {
+      this.note.textContent = `No 3D here: ${error.message}`;
+      return;
+    }
+    this.controls.target.set(...MIDDLE);
+    this.controls.update();
+    this.controls.addEventListener("change", () => this.redraw());
+    new ResizeObserver(() => this.redraw()).observe(this.place);
+    this.build(this.description);
+  }
+
+  light() {
+    this.scene = new THREE.Scene();
+    this.camera = new THREE.PerspectiveCamera(50, 2, 0.05, 20);
+    this.camera.up.set(0, 0, 1);
+    this.camera.position.set(...EYE);
+    const sun = new THREE.DirectionalLight(0xffffff, 0.3 * Math.PI);
+    sun.position.set(5, 10, 40);
+    this.root = new THREE.Group();
+    this.scene.add(new THREE.AmbientLight(0xffffff, 0.7 * Math.PI), sun, this.root);
   }
 
   build(description) {
-    if (!description) return;
     this.description = description;
-    const component = this.component;
-    if (!component?.scene) {
-      setTimeout(() => this.build(this.description), 200);
-      return;
-    }
-    this.root.removeFromParent();
-    this.root = new THREE.Group();
+    if (!description || !this.controls) return;
+    this.root.clear();
     this.meshes = description.shapes.map(([kind, size, colour]) => mesh(kind, size, colour));
     this.root.add(...this.meshes);
     if (description.table) this.root.add(tableTop(description.table));
-    component.scene.add(this.root);
-    this.recolour();
-    if (this.latest) this.pose(this.latest);
+    this.pose(this.latest ?? new Float32Array());
   }
 
   pose(values) {
@@ -43,10 +67,27 @@ export class RobotScene {
       item.position.set(row[0], row[1], row[2]);
       item.quaternion.set(row[3], row[4], row[5], row[6]);
     });
+    this.redraw();
   }
 
-  recolour() {
-    this.component?.renderer?.setClearColor(theme("surface"));
+  redraw() {
+    if (!this.controls || this.waiting) return;
+    this.waiting = true;
+    requestAnimationFrame(() => {
+      this.waiting = false;
+      this.draw();
+    });
+  }
+
+  draw() {
+    const { clientWidth: width, clientHeight: height } = this.place;
+    if (!width || !height) return;
+    this.renderer.setPixelRatio(window.devicePixelRatio);
+    this.renderer.setSize(width, height);
+    this.renderer.setClearColor(theme("surface"));
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.renderer.render(this.scene, this.camera);
   }
 }
 
