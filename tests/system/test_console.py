@@ -11,15 +11,17 @@ from typing import Any
 import browser_page
 import numpy as np
 import pytest
+from sensor_msgs.msg import JointState
 
 from emd_arm_executor.hiro.description import OBSERVE, transform_camera_to_table
 from emd_cell.launcher import Launcher, NodeSpec
 from emd_cell.nodes import console_node
+from emd_cell.ros.cell_client import CellClient
 from emd_cloth_sim.config import ClothConfig
 from emd_cloth_sim.neat_folds import neat_fold
 from emd_console.port import free_port
 from emd_console.projection import TableProjection
-from emd_core.frames import FieldOfView
+from emd_core.frames import FieldOfView, FloatArray
 from emd_core.metrics import voxel_mse
 from emd_core.pinhole_camera import PinholeCamera
 from emd_core.sequence_reader import SequenceReader
@@ -45,6 +47,18 @@ def pixel(x: float, y: float) -> tuple[float, float]:
     """Where a point of the table is in the picture."""
     column, row = PROJECTION.pixels(np.array([[x, y, 0.0]]))[0]
     return float(column), float(row)
+
+
+def joints(client: CellClient) -> FloatArray:
+    """Where the joints are from now on, radians."""
+    heard: list[JointState] = []
+    subscription = client.create_subscription(JointState, "joint_states", heard.append, 10)
+    deadline = time.monotonic() + 60
+    while not heard:
+        assert time.monotonic() < deadline
+        client._spin()
+    client.destroy_subscription(subscription)
+    return np.array(heard[-1].position)
 
 
 @pytest.fixture(scope="module")
@@ -173,18 +187,47 @@ def test_stop_ends_a_motion(operator, client) -> None:
 
 
 def test_a_killed_node_is_named_and_its_return_too(operator, launcher) -> None:
-    """The page says which node is silent, and that it is back."""
-    os.kill(launcher.process_id("planner"), signal.SIGSTOP)
-    operator.page.wait_for_selector('[data-tab="nodes"].alarm', timeout=60_000)
+    """Killed with -9: the page says which one it is, and all is well once it runs again."""
+    killed = launcher.process_id("planner")
+    os.kill(killed, signal.SIGKILL)  # nobody looks after the nodes until `watch` is called
     operator.page.click('[data-tab="nodes"]')
-    operator.page.wait_for_selector("li.silent")
+    operator.page.wait_for_selector("li.silent", timeout=60_000)
     operator.screenshot("node_silent")
     assert "planner" in operator.page.inner_text("li.silent")
-    os.kill(launcher.process_id("planner"), signal.SIGKILL)
+    assert operator.page.locator("li.silent").count() == 1
     deadline = time.monotonic() + 180
     while operator.page.locator('[data-tab="nodes"].alarm').count():
-        launcher.require_alive()  # who looks after the nodes starts the dead one again
+        launcher.require_alive()  # starts the dead one again
         assert time.monotonic() < deadline
         operator.page.wait_for_timeout(200)
     operator.screenshot("node_back")
+    assert launcher.process_id("planner") != killed
+    assert operator.page.locator("li.ok, li.warning").count() >= 3
     operator.page.click('[data-tab="robot"]')
+
+
+def test_a_viewer_moves_nothing(open_page, client, fresh_cloth, recordings) -> None:
+    """Neither by mouse and keys nor by events forged in the page: no motion, no plan, no goal."""
+    before = joints(client)
+    viewer = open_page(VIEWER)
+    viewer.wait_for_picture()
+    viewer.wait_for_status("ready")
+    commands = (recordings / "commands.jsonl").read_text().splitlines()
+    viewer.page.click('[data-goal="half"]')
+    for key in "ltpaernx":
+        assert viewer.page.locator(f'[data-key="{key}"]:not([disabled])').count() <= (key == "t")
+        viewer.page.keyboard.press(key)
+    viewer.drag(pixel(-0.2, -0.2), pixel(0.2, -0.2))
+    points = [list(pixel(-0.2, -0.2)), list(pixel(0.2, -0.2))]
+    viewer.page.evaluate(f"emitEvent('teach_drag', {{points: {points}}})")
+    viewer.page.evaluate("document.querySelectorAll('button').forEach(b => b.disabled = false)")
+    for name in ("Look", "Execute taught", "Arms home", "New cloth"):
+        viewer.page.get_by_text(name, exact=True).click(force=True)
+    viewer.page.get_by_text("viewers only look").first.wait_for()
+    viewer.page.wait_for_timeout(3000)
+    viewer.screenshot("viewer")
+    assert np.allclose(joints(client), before, atol=1e-3)
+    new = [json.loads(line) for line in (recordings / "commands.jsonl").open()][len(commands) :]
+    assert new and all(entry["outcome"].startswith("refused") for entry in new)
+    status = viewer.page.evaluate("page.sections.status")
+    assert not status["moving"] and not status["planning"] and not status["doing"]

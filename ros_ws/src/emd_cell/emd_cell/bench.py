@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import inspect
 import json
 import os
 import platform
@@ -38,11 +39,20 @@ def find_benchmarks(root: Path) -> dict[str, Path]:
     return {file.stem.removeprefix("bench_"): file for file in files}
 
 
-def run_benchmark(root: Path, name: str, list_all: bool, json_file: Path | None) -> None:
+def run_benchmark(
+    root: Path, name: str, list_all: bool, json_file: Path | None, minutes: float | None = None
+) -> None:
     """List the benchmarks, or run one and print and write its result.
 
+    Args:
+        root: The checkout.
+        name: Which benchmark.
+        list_all: Whether to list them instead.
+        json_file: Where to write the result, or None.
+        minutes: How long to watch, for a benchmark that watches something; its default if None.
+
     Raises:
-        InvalidInputError: If there is no benchmark of this name.
+        InvalidInputError: If there is no benchmark of this name, or it watches nothing.
     """
     found = find_benchmarks(root)
     if list_all:
@@ -51,7 +61,10 @@ def run_benchmark(root: Path, name: str, list_all: bool, json_file: Path | None)
         return
     if name not in found:
         raise InvalidInputError(f"there is no benchmark '{name}'; there are {', '.join(found)}")
-    result: BenchmarkResult = _load(found[name]).run()
+    run = _load(found[name]).run
+    if minutes is not None and "minutes" not in inspect.signature(run).parameters:
+        raise InvalidInputError(f"benchmark '{name}' takes no --minutes; leave it out")
+    result: BenchmarkResult = run() if minutes is None else run(minutes=minutes)
     document = {
         "name": name,
         "command": shlex.join(["./cell", *sys.argv[1:]]),

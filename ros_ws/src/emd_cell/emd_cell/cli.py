@@ -474,11 +474,14 @@ def bench(
     name: Annotated[str, typer.Argument(help="which; see --list")] = "",
     list_all: Annotated[bool, typer.Option("--list", help="list the benchmarks")] = False,
     json_file: Annotated[Path | None, typer.Option("--json", help="write the result")] = None,
+    minutes: Annotated[
+        float | None, typer.Option(min=0.1, help="console: for which memory is watched")
+    ] = None,
 ) -> None:
     """Run a benchmark."""
     from emd_cell.bench import run_benchmark
 
-    run_benchmark(ROOT, name, list_all, json_file)
+    run_benchmark(ROOT, name, list_all, json_file, minutes)
 
 
 @app.command()

@@ -40,7 +40,7 @@ export class RobotScene {
 
   light() {
     this.scene = new THREE.Scene();
-    this.camera = new THREE.PerspectiveCamera(50, 2, 0.05, 20);
+    this.camera = new THREE.PerspectiveCamera(58, 2, 0.05, 20);
     this.camera.up.set(0, 0, 1);
     this.camera.position.set(...EYE);
     const sun = new THREE.DirectionalLight(0xffffff, 0.3 * Math.PI);
