@@ -208,6 +208,33 @@ def test_free_turns_and_near_misses_need_points(example, wanted):
         augment(Windows(grids, manipulations), config, torch.Generator())
 
 
+def test_examples_without_points_are_left_out_of_free_turns_and_near_misses(example):
+    """Beside others that have points: only those are turned by odd angles or missed narrowly."""
+    states, grids, manipulations = example
+    batch = 40
+    points = torch.from_numpy(np.stack(states)).float()[None].repeat(batch, 1, 1, 1)
+    points[::2] = torch.nan
+    manipulations = manipulations.repeat(batch, 1, 1)
+    manipulations[:, 0, 2:4] = torch.nan
+    config = dataclasses.replace(
+        QUARTER_TURNS,
+        free_share=1.0,
+        near_miss_share=1.0,
+        failure_probability=0.0,
+        swap_grasps=False,
+        outside_margin_voxels=2,
+    )
+    windows = Windows(grids.repeat(batch, 1, 1, 1, 1), manipulations, points)
+    examples = augment(windows, config, torch.Generator().manual_seed(5))
+    assert examples.manipulations.isfinite().all()
+    counts = examples.grids.flatten(2).sum(-1)
+    assert (counts[::2] == counts[0]).all()  # whole voxels and quarter turns keep every column
+    assert (counts[1::2] != counts[0]).any()
+    far = dilate(silhouettes(examples.grids[:, 0]), 2)
+    beside = ~outside_cloth(examples.manipulations[:, 0, 2:4], far)
+    assert not beside[::2].any() and beside[1::2].any()
+
+
 def test_near_misses_lie_at_the_edge_and_touch_no_point_of_the_cloth(example):
     """Unused points land at the silhouette's edge, beyond the reach of a closing hand."""
     states, grids, manipulations = example

@@ -104,6 +104,30 @@ def test_points_are_those_that_the_grids_show(tmp_path, rectangle, grid_of):
         np.testing.assert_array_equal(grid_of(points.numpy()).occupancy, grid)
 
 
+def test_sequences_without_points_are_mixed_in(tmp_path, write_shards, rectangle, grid_of):
+    """They are marked, their points unknown, and only they are counted as without."""
+    cloud = rectangle((0.2, 0.1), (0.8, 0.5), 0.02, 0.05)
+    (tmp_path / "simulated").mkdir()
+    np.savez(
+        tmp_path / "simulated" / "shard_0000.npz",
+        grids=np.tile(np.packbits(grid_of(cloud).occupancy), (3, 2, 1)),
+        states=np.tile(cloud, (3, 2, 1, 1)),
+        picks=np.zeros((3, 1, 2, 2)),
+        moves=np.zeros((3, 1, 2)),
+        meta='{"cloth": {"thickness": 0.003}}',
+    )
+    write_shards(tmp_path / "recorded", 4, length=2)
+    data = load_sequences([tmp_path / "simulated"], mix=[tmp_path / "recorded"])
+    assert data.mixed.tolist() == [False] * 3 + [True] * 4
+    assert data.pointless_count == 8
+    assert len(data.window_starts(1, mixed=False)) == 3
+    windows = data.windows(data.window_starts(1, mixed=True), 1)
+    assert len(windows.grids) == 8 and windows.points.isnan().all()
+    assert data.windows(data.window_starts(1, mixed=False), 1).points.isfinite().all()
+    assert data.subset(np.array([6, 0])).mixed.tolist() == [True, False]
+    assert load_sequences([tmp_path / "recorded"]).points is None
+
+
 def test_shards_without_sequences_are_passed_over(tmp_path, write_shards):
     """A shard whose sequences all failed adds nothing."""
     write_shards(tmp_path, 2)

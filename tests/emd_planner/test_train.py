@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 
+import numpy as np
 import pytest
 import torch
 
@@ -22,7 +23,7 @@ from emd_planner.emd_net import EmdNet
 from emd_planner.recipe import Losses, learning_rate_share, make_recipe
 from emd_planner.sequence_files import load_sequences
 from emd_planner.train import main, train
-from emd_planner.trainer import Run
+from emd_planner.trainer import Run, Trainer
 from emd_planner.validation import Validator, mean_grid
 from emd_planner.weights import load_net, read_provenance
 
@@ -168,6 +169,27 @@ def test_a_run_can_start_from_weights(data, small_config, tmp_path):
     one, other = load_net(first).state_dict(), load_net(second).state_dict()
     for name in one:
         torch.testing.assert_close(one[name], other[name])
+
+
+def test_a_share_of_each_batch_is_mixed_in(tmp_path, write_shards, small_config):
+    """As large as asked for, though there are far fewer; without it batches are as before."""
+    write_shards(tmp_path / "many", 40)
+    write_shards(tmp_path / "few", 10, seed=1)
+    data = load_sequences([tmp_path / "many"], mix=[tmp_path / "few"])
+    config = dataclasses.replace(SHORT, batch_size=400)
+    trainer = Trainer(data, small_config, config, Run(tmp_path / "out", 1.0, mix_share=0.75))
+    starts = trainer._draw_starts(torch.Generator().manual_seed(0))
+    assert 0.65 < np.isin(starts, trainer.mixed_starts).mean() < 0.85
+    assert set(trainer.mixed_starts).isdisjoint(trainer.starts)
+    with pytest.raises(InvalidInputError, match="both are needed"):
+        Trainer(
+            dataclasses.replace(data, mixed=np.ones(50, dtype=bool)),
+            small_config,
+            config,
+            Run(tmp_path / "none", 1.0),
+        )
+    with pytest.raises(InvalidInputError, match="0..1"):
+        Run(tmp_path, mix_share=1.5)
 
 
 def test_a_run_without_an_end_is_refused(data, small_config, tmp_path):

@@ -134,6 +134,17 @@ def export_examples(
     print(f"{count} manipulations written: {out}")
 
 
+@app.command(
+    add_help_option=False,
+    context_settings={"ignore_unknown_options": True, "allow_extra_args": True},
+)
+def train(context: typer.Context) -> None:
+    """Train a net on data sets and recorded manipulations; `--help` tells its options."""
+    from emd_planner.train import main as run_training
+
+    raise typer.Exit(run_training(context.args, "./cell train"))
+
+
 @app.command()
 def perceive(
     color: Annotated[Path, typer.Option(help="colour image")],

@@ -57,6 +57,8 @@ def augment(
 ) -> Examples:
     """Apply all configured changes and fill the unused points.
 
+    Examples whose points are unknown are neither turned freely nor given near misses.
+
     Args:
         windows: Examples, with the points of the cloth if some are to be turned freely.
         config: Which changes.
@@ -64,13 +66,13 @@ def augment(
         height: Of the field of view, normalised.
 
     Raises:
-        InvalidInputError: If free turns or near misses are configured and the points are unknown.
+        InvalidInputError: If free turns or near misses are configured and no points are known.
     """
     grids, points = windows.grids, windows.points
     if points is None and max(config.free_share, config.near_miss_share) > 0.0:
         raise InvalidInputError(
-            "turning the cloth freely and near misses need data with `states`; give data with "
-            "vertices, or set free_share and near_miss_share to 0"
+            "turning the cloth freely and near misses need data with `states`, and none of these "
+            "have them; give data with vertices, or set free_share and near_miss_share to 0"
         )
     delays = [spread_idle_steps(windows.manipulations, generator)]
     delays.append(failing_steps(windows.manipulations, config.failure_probability, generator))
@@ -86,10 +88,11 @@ def augment(
     if points is not None:
         points = points[rows, states]
         manipulations = miss_narrowly(grids, points, manipulations, config, generator)
+        known = points[:, 0, 0, 0].isfinite()
     symmetries, shifts = _random_motions(len(grids), grids.shape[2], config, generator)
     grids, changed = transform(grids, manipulations, symmetries, shifts)
     free = torch.rand(len(grids), generator=generator) < config.free_share
-    if points is not None and free.any():
+    if points is not None and (free := free & known).any():
         changed[free], grids[free] = _turn_freely(
             manipulations[free], points[free], grids.shape[2:], height, config, generator
         )

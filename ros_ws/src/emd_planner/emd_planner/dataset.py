@@ -21,7 +21,7 @@ class Windows:
         manipulations: x0 y0 x1 y1 dx dy, shape (B, n, 6), float32, normalised; a NaN point: hand
             not used; both points and the displacement NaN: nothing was done and nothing changed.
         points: Normalised points of the cloth that the grids were made of, shape
-            (B, n+1, V, 3), float32; None if the data do not hold them.
+            (B, n+1, V, 3), float32; NaN in windows whose points are unknown; None if all are.
     """
 
     grids: torch.Tensor
@@ -39,8 +39,9 @@ class SequenceSet:
         first_states: Index of each sequence's first state, shape (N,).
         lengths: Manipulations in each sequence, shape (N,).
         grid_size: Voxels along x, y and z.
-        points: Shape (S, V, 3), float16, normalised, of the cloth's upper surface; None if any
-            file lacks them.
+        points: Shape (S, V, 3), float16, normalised, of the cloth's upper surface; NaN in
+            sequences whose files lack them; None if all do.
+        mixed: Whether each sequence was mixed in beside the others, shape (N,); None: none was.
     """
 
     packed_grids: NDArray[np.uint8]
@@ -49,6 +50,7 @@ class SequenceSet:
     lengths: NDArray[np.int64]
     grid_size: tuple[int, int, int]
     points: NDArray[np.float16] | None = None
+    mixed: NDArray[np.bool_] | None = None
 
     def __len__(self) -> int:
         """Count the sequences."""
@@ -81,6 +83,7 @@ class SequenceSet:
             lengths,
             self.grid_size,
             None if self.points is None else self.points[chosen],
+            None if self.mixed is None else self.mixed[sequences],
         )
 
     def split(self, held_out_share: float, seed: int = 0) -> tuple[SequenceSet, SequenceSet]:
@@ -98,14 +101,29 @@ class SequenceSet:
             )
         return self.subset(np.sort(order[held_out:])), self.subset(np.sort(order[:held_out]))
 
-    def window_starts(self, steps: int) -> NDArray[np.int64]:
-        """States from which `steps` recorded manipulations follow, shape (W,)."""
-        return np.concatenate(
-            [
-                first + np.arange(max(0, length - steps + 1))
-                for first, length in zip(self.first_states, self.lengths, strict=True)
-            ]
-        ).astype(np.int64)
+    @property
+    def pointless_count(self) -> int:
+        """Count the manipulation examples whose cloth's points are unknown."""
+        if self.points is None:
+            return self.manipulation_count
+        unknown = np.isnan(self.points[self.first_states, 0, 0])
+        return int(self.lengths[unknown].sum())
+
+    def window_starts(self, steps: int, mixed: bool | None = None) -> NDArray[np.int64]:
+        """States from which `steps` recorded manipulations follow, shape (W,).
+
+        Args:
+            steps: Manipulations in a window.
+            mixed: Only of sequences that were mixed in, or only of the others; None: of all.
+        """
+        wanted = np.ones(len(self), dtype=bool)
+        if mixed is not None:
+            wanted = np.full(len(self), not mixed) if self.mixed is None else self.mixed == mixed
+        starts = [
+            first + np.arange(max(0, length - steps + 1))
+            for first, length in zip(self.first_states[wanted], self.lengths[wanted], strict=True)
+        ]
+        return np.concatenate([np.zeros(0), *starts]).astype(np.int64)
 
     def windows(self, starts: NDArray[np.int64], steps: int) -> Windows:
         """Read windows; one that passes the end of its sequence stays at the last state.

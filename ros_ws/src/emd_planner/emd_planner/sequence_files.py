@@ -20,7 +20,10 @@ from emd_planner.dataset import SequenceSet, first_states
 
 
 def load_sequences(
-    directories: Sequence[Path], field_of_view: FieldOfView | None = None, split: str = "all"
+    directories: Sequence[Path],
+    field_of_view: FieldOfView | None = None,
+    split: str = "all",
+    mix: Sequence[Path] = (),
 ) -> SequenceSet:
     """Read all files of one or more directories, in the order of their names.
 
@@ -28,19 +31,21 @@ def load_sequences(
         directories: Each with `shard_*.npz` or with the authors' `*.npz` files.
         field_of_view: The box and voxels of the grids; the default one if None.
         split: Which sequences are kept; see `emd_core.sequence_split`.
+        mix: Further directories, whose sequences are marked as mixed in.
 
     Raises:
         InvalidInputError: If a directory holds no such file, a file does not have the form, or
             its hands move independently, which the net's six inputs cannot say.
     """
-    reader = SequenceReader(directories, field_of_view)
+    reader = SequenceReader([*directories, *mix], field_of_view)
     for file in reader.files:
         if file.independent:
             raise InvalidInputError(
                 f"{file.path} has a displacement for each hand, but the net takes one for both; "
                 "generate the data without --independent-hands"
             )
-    data, kept = _empty_set(reader), []
+    mixed = len(SequenceReader(mix, field_of_view)) if mix else 0
+    data, kept = _empty_set(reader, mixed), []
     for number, sequence in enumerate(reader):
         if in_split(sequence.index, split):
             kept.append(number)
@@ -53,20 +58,21 @@ def load_sequences(
     return data if len(kept) == len(data) else data.subset(np.array(kept, dtype=np.int64))
 
 
-def _empty_set(reader: SequenceReader) -> SequenceSet:
-    """Make room for what the headers announce."""
+def _empty_set(reader: SequenceReader, mixed: int) -> SequenceSet:
+    """Make room for what the headers announce; the last `mixed` sequences are mixed in."""
     lengths = reader.lengths
     states = int((lengths + 1).sum())
     size = reader.field_of_view.size
     files = [file for file in reader.files if file.count]
-    vertices = [file.vertices for file in files]
+    vertices = max((file.vertices for file in files), default=0)
     return SequenceSet(
         np.empty((states, -(-int(np.prod(size)) // 8)), dtype=np.uint8),
         np.full((states, 6), np.nan, dtype=np.float32),
         first_states(lengths),
         lengths,
         size,
-        np.empty((states, max(vertices), 3), np.float16) if files and all(vertices) else None,
+        np.full((states, vertices, 3), np.nan, np.float16) if vertices else None,
+        np.arange(len(lengths)) >= len(lengths) - mixed if mixed else None,
     )
 
 

@@ -1,8 +1,10 @@
-"""Train an EMD net: `python -m emd_planner.train --data DIR --out DIR --minutes 45`.
+"""Train an EMD net: `./cell train --data DIR --out DIR --minutes 45`.
 
 One run reads sequences, holds some out, trains, and writes to the output directory
 `checkpoint.pt` (to go on after an interruption: start the same command again), `log.csv`,
 `curve.png`, events for TensorBoard, and at the end `emd_net.safetensors` with `emd_net.json`.
+`--mix DIR` takes a part of each batch (`--mix-share`) from recorded manipulations, as `./cell
+export-examples` writes them; `--start-from` begins with the weights of the first phase.
 `torchrun --nproc-per-node N -m emd_planner.train ...` trains on N devices, a batch on each.
 """
 
@@ -28,6 +30,9 @@ from emd_planner.memory import keep_freed_memory
 from emd_planner.process_group import ProcessGroup, join_processes
 from emd_planner.sequence_files import load_sequences
 from emd_planner.trainer import Run, Trainer
+
+PROGRAM = "python -m emd_planner.train"
+_MIX_HELP = "recorded manipulations, of which --mix-share of each batch are taken"
 
 
 def train(
@@ -85,9 +90,14 @@ def train(
     return trainer.export()
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Read the command line, train, and show how it goes."""
-    options = _parse(arguments)
+def main(arguments: list[str] | None = None, prog: str = PROGRAM) -> int:
+    """Read the command line, train, and show how it goes.
+
+    Args:
+        arguments: Of the command line; the process's own if None.
+        prog: How the command is called in its help.
+    """
+    options = _parse(arguments, prog)
     keep_freed_memory()
     group = ProcessGroup()
     console = Console()
@@ -105,10 +115,8 @@ def main(arguments: list[str] | None = None) -> int:
             torch.set_num_threads(options.threads)
         group = join_processes(resolve_device(options.device))
         console.quiet = not group.leads
-        data = load_sequences(options.data, split="train")
-        console.print(
-            f"{len(data)} sequences, {data.manipulation_count} manipulations; {_where(group)}"
-        )
+        data = load_sequences(options.data, split="train", mix=options.mix)
+        console.print(f"{_contents(data)}; {_where(group)}")
         run = Run(
             options.out,
             options.minutes,
@@ -116,7 +124,8 @@ def main(arguments: list[str] | None = None) -> int:
             options.seed,
             group,
             options.start_from,
-            " ".join(["python -m emd_planner.train", *(arguments or sys.argv[1:])]),
+            " ".join([PROGRAM, *(arguments or sys.argv[1:])]),
+            options.mix_share,
         )
         with Progress(*columns, console=console) as progress:
             task = progress.add_task("training", total=1.0, rate="")
@@ -162,6 +171,17 @@ def _describe(row: dict[str, float]) -> str:
     return text
 
 
+def _contents(data: SequenceSet) -> str:
+    text = f"{len(data)} sequences, {data.manipulation_count} manipulations"
+    if data.mixed is not None:
+        text += f" ({int(data.lengths[data.mixed].sum())} of them mixed in)"
+    if data.points is not None and data.pointless_count:
+        text += (
+            f", {data.pointless_count} without vertices and so neither turned freely nor missed"
+        )
+    return text
+
+
 def _where(group: ProcessGroup) -> str:
     return str(group.device) if group.size == 1 else f"{group.size} processes on {group.device}"
 
@@ -182,9 +202,11 @@ def _training_config(options: argparse.Namespace) -> TrainingConfig:
     return dataclasses.replace(config, **chosen)
 
 
-def _parse(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m emd_planner.train", description=__doc__)
+def _parse(arguments: list[str] | None, prog: str) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog=prog, description=__doc__)
     parser.add_argument("--data", type=Path, nargs="+", required=True, metavar="DIR")
+    parser.add_argument("--mix", type=Path, nargs="+", default=[], metavar="DIR", help=_MIX_HELP)
+    parser.add_argument("--mix-share", type=float, default=Run.mix_share, help="of a batch, 0..1")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
     parser.add_argument("--net", choices=sorted(ARCHITECTURES), help="default: the recipe's own")
     parser.add_argument("--recipe", choices=sorted(RECIPES), default="ours")

@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import nn
 
+from emd_core.errors import InvalidInputError
 from emd_planner.architectures import NetConfig, architecture_of, make_net
 from emd_planner.augmentation import Examples, augment
 from emd_planner.checkpoint import load_checkpoint, save_checkpoint
@@ -37,6 +39,7 @@ class Run:
         group: The processes that train, and the device of this one.
         start_from: Weights to start from instead of random ones.
         command: How the run was started, for its provenance.
+        mix_share: Of each batch, the part taken from the sequences that were mixed in.
     """
 
     out: Path
@@ -46,6 +49,16 @@ class Run:
     group: ProcessGroup = ProcessGroup()
     start_from: Path | None = None
     command: str = ""
+    mix_share: float = 0.25
+
+    def __post_init__(self) -> None:
+        """Check the range.
+
+        Raises:
+            InvalidInputError: If the share is not between 0 and 1.
+        """
+        if not 0.0 <= self.mix_share <= 1.0:
+            raise InvalidInputError(f"mix_share must be in 0..1, got {self.mix_share}")
 
     def progress(self, iteration: int, seconds: float) -> float:
         """Give the part of the run that is over, 0..1."""
@@ -84,7 +97,9 @@ class Trainer:
         self.average = {n: p.detach().clone() for n, p in self.net.named_parameters()}
         self.recipe = make_recipe(self.net, config, run.group)
         self.speed = SpeedMeter(run.group.device, self.net.compute_type)
-        self.starts = self.train_set.window_starts(1)
+        self.starts = self.train_set.window_starts(1, mixed=False)
+        self.mixed_starts = self.train_set.window_starts(1, mixed=True)
+        self._require_examples(data)
         self.iteration, self.seconds = 0, 0.0
         self.recent: list[float] = []
         rows = self._resume() if self.checkpoint_path.exists() else []
@@ -106,7 +121,13 @@ class Trainer:
             "data": self.data_hash,
             "length": [self.run.minutes, self.run.iterations],
             "processes": self.run.group.size,
+            **({"mix": [len(self.mixed_starts), self.run.mix_share]} if self.mixes else {}),
         }
+
+    @property
+    def mixes(self) -> bool:
+        """Whether sequences were mixed in."""
+        return len(self.mixed_starts) > 0
 
     @property
     def manipulations_a_step(self) -> int:
@@ -139,9 +160,27 @@ class Trainer:
         """Draw a batch that depends on seed, process and iteration only."""
         words = np.random.SeedSequence([self.run.seed, self.run.group.rank, self.iteration])
         generator = torch.Generator().manual_seed(int(words.generate_state(1, np.uint32)[0]))
-        choice = torch.randint(len(self.starts), (self.config.batch_size,), generator=generator)
-        windows = self.train_set.windows(self.starts[choice.numpy()], self.config.rollout_steps)
+        windows = self.train_set.windows(self._draw_starts(generator), self.config.rollout_steps)
         return augment(windows, self.config.augmentation, generator).to(self.run.group.device)
+
+    def _draw_starts(self, generator: torch.Generator) -> NDArray[np.int64]:
+        """Draw where a batch's windows begin; of those mixed in, as large a share as asked for."""
+        batch = (self.config.batch_size,)
+        starts = self.starts[torch.randint(len(self.starts), batch, generator=generator).numpy()]
+        if not self.mixes:
+            return starts
+        mixed = torch.randint(len(self.mixed_starts), batch, generator=generator).numpy()
+        taken = (torch.rand(batch, generator=generator) < self.run.mix_share).numpy()
+        return np.where(taken, self.mixed_starts[mixed], starts)
+
+    def _require_examples(self, data: SequenceSet) -> None:
+        """Complain if what was mixed in is all held out, or all there is."""
+        if data.mixed is not None and not (self.mixes and len(self.starts)):
+            raise InvalidInputError(
+                f"{int(data.mixed.sum())} of {len(data)} sequences are mixed in, which leaves "
+                f"{len(self.mixed_starts)} manipulations of them and {len(self.starts)} others to "
+                "train on; both are needed: give more data, or record more manipulations"
+            )
 
     @torch.no_grad()
     def _update_average(self) -> None:
@@ -212,6 +251,7 @@ class Trainer:
             "data_sha256": self.data_hash,
             "training_sequences": len(self.train_set),
             "training_manipulations": self.train_set.manipulation_count,
+            "mixed_in": len(self.mixed_starts),
             "training": dataclasses.asdict(self.config),
             "iterations": self.iteration,
             "seconds": round(self.seconds, 1),

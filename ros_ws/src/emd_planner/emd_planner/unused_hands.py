@@ -66,7 +66,8 @@ def miss_narrowly(
 
     Args:
         grids: States, boolean, shape (B, n+1, X, Y, Z).
-        cloth: Points of the cloth, normalised, shape (B, n+1, V, 3).
+        cloth: Points of the cloth, normalised, shape (B, n+1, V, 3); NaN where they are unknown
+            and no place can be told to be beside the cloth.
         manipulations: Shape (B, n, 6).
         config: How often, and how far from the cloth.
         generator: On the CPU.

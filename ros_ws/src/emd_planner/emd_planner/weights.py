@@ -19,7 +19,7 @@ from emd_planner.architectures import ARCHITECTURES, NetConfig, architecture_of,
 from emd_planner.state_predictor import StatePredictor
 
 SHIPPED_WEIGHTS = Path(__file__).parent / "weights" / "emd_net.safetensors"
-_REMEDY = "train a net with `python -m emd_planner.train` and give the path of its .safetensors"
+_REMEDY = "train a net with `./cell train` and give the path of its .safetensors"
 
 
 def load_net(path: Path | None = None, device: torch.device | str = "cpu") -> StatePredictor:
