@@ -11,7 +11,7 @@ import browser_page
 import cv2
 import numpy as np
 import pytest
-from fake_cell import FakeCell, flat_grid
+from fake_cell import FakeCell, example, flat_grid
 
 from emd_arm_executor.hiro.description import OBSERVE, URDF_PATH, transform_camera_to_table
 from emd_console.access import AccessPolicy, Tokens
@@ -160,6 +160,26 @@ def test_teach_execute_and_review(open_page, served) -> None:
     page.screenshot("page_review")
     assert served.desk.store.all()[0].review.verdict == "accepted"
     assert [text for text in page.errors if "WebGL" not in text] == []
+
+
+def test_history_shows_each_run_and_gives_its_report(open_page, served, tmp_path) -> None:
+    """For a viewer, too: pictures on the page, and a file to keep."""
+    served.desk.store.add(example("planned"))
+    page = open_page(VIEWER, "history")
+    page.page.wait_for_selector("article.run")
+    page.page.wait_for_function(
+        "[...document.querySelectorAll('.strip img')].every(i => i.complete && i.naturalWidth > 0)"
+    )
+    page.screenshot("page_history")
+    with page.page.expect_download() as download:
+        page.page.get_by_text("Report", exact=True).first.click()
+    download.value.save_as(tmp_path / "report.html")
+    report = page.context.new_page()
+    report.goto(f"file://{tmp_path}/report.html")
+    assert report.evaluate("[...document.images].every(i => i.naturalWidth > 0)")
+    assert report.locator(".fold").count() == len(served.desk.store.all())
+    report.screenshot(path=browser_page.SCREENSHOTS / "report.png", full_page=True)
+    assert page.errors == []
 
 
 def test_plan_then_accept(open_page, served) -> None:

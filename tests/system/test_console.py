@@ -167,6 +167,10 @@ def test_the_diagonal_of_the_gallery_is_planned_and_executed(operator, client) -
     assert "recorded as example" in operator.wait_for_message("recorded", 400)
     operator.page.wait_for_timeout(1000)
     operator.screenshot("plan_done")
+    operator.page.goto(operator.page.url + "history")
+    operator.page.wait_for_selector("article.run img")
+    operator.page.wait_for_timeout(1000)
+    operator.screenshot("history")
     goal = goal_of("diagonal")
     assert voxel_mse(client.true_grid(), goal) < voxel_mse(before, goal)
 

@@ -6,7 +6,7 @@ setup(
     name="emd_console",
     version="0.1.0",
     packages=find_packages(),
-    package_data={"emd_console": ["py.typed"], "emd_console.web": ["static/*"]},
+    package_data={"emd_console": ["py.typed", "report.html.j2"], "emd_console.web": ["static/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/emd_console"]),
         ("share/emd_console", ["package.xml"]),

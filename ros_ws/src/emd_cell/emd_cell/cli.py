@@ -134,6 +134,21 @@ def export_examples(
     print(f"{count} manipulations written: {out}")
 
 
+@app.command(name="console-report")
+def console_report(
+    out: Annotated[Path, typer.Option(help="the HTML file to write")],
+    directory: Annotated[Path, typer.Option(help="the console's directory")] = Path(
+        "runs/console"
+    ),
+    run: Annotated[int | None, typer.Option(min=0, help="only this run; default: all")] = None,
+) -> None:
+    """Write what the console had done as one HTML file, pictures inside, to send around."""
+    from emd_console.report import write_report
+
+    count = write_report(directory, out, run)
+    print(f"report on {count} run(s): {out}")
+
+
 @app.command(
     add_help_option=False,
     context_settings={"ignore_unknown_options": True, "allow_extra_args": True},

@@ -230,6 +230,7 @@ class Desk:
             "goal": goal.name if goal else None,
             "mse_before": scores[0],
             "mse_after": scores[1],
+            "seconds": round(self.clock() - started, 1),
         }
         if proposal is not None:
             details["plan"] = plan_figures(proposal.plan)

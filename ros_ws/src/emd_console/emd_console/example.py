@@ -47,13 +47,14 @@ class Example:
     goal: VoxelGrid | None = None
     details: Mapping[str, Any] = field(default_factory=dict)
 
-    def write(self, folder: Path, number: int, time: str) -> None:
+    def write(self, folder: Path, number: int, time: str, run: str) -> None:
         """Write all files into an empty folder.
 
         Args:
             folder: Where.
             number: Index of the example in its data set.
             time: When it happened, ISO 8601.
+            run: When the run of the console began to which it belongs, ISO 8601.
         """
         self._shard(number).write(folder / SHARD)
         clouds = {
@@ -68,7 +69,7 @@ class Example:
         for moment, seen in (("before", self.before), ("after", self.after)):
             if seen.picture is not None:
                 (folder / f"{moment}.jpg").write_bytes(thumbnail(seen.picture))
-        (folder / ENTRY).write_text(json.dumps(self._entry(number, time), indent=1))
+        (folder / ENTRY).write_text(json.dumps(self._entry(number, time, run), indent=1))
 
     def _shard(self, number: int) -> SequenceShard:
         """The data set of this one sequence; `docs/data_format.md` describes it."""
@@ -84,10 +85,11 @@ class Example:
         meta = {"recorded": True, "field_of_view": asdict(fov)}
         return SequenceShard(arrays, (), meta)
 
-    def _entry(self, number: int, time: str) -> dict[str, Any]:
+    def _entry(self, number: int, time: str, run: str) -> dict[str, Any]:
         return {
             "number": number,
             "time": time,
+            "run": run,
             "kind": self.kind,
             "who": self.who,
             "planned": self.planned.as_entry(),

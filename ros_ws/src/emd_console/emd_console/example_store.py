@@ -59,7 +59,12 @@ class StoredExample:
 
 
 class ExampleStore:
-    """Adds examples and reviews to a folder; one program at a time."""
+    """Adds examples and reviews to a folder; one program at a time.
+
+    Attributes:
+        root: The folder.
+        opened: When, ISO 8601, UTC; examples tell it as their run.
+    """
 
     def __init__(self, root: Path) -> None:
         """Open a folder, made if need be, and clear away what a killed program left unfinished.
@@ -69,6 +74,7 @@ class ExampleStore:
             InvalidInputError: If nothing can be written there.
         """
         self.root = root
+        self.opened = datetime.now(UTC).isoformat(timespec="milliseconds")
         try:
             root.mkdir(parents=True, exist_ok=True)
             self._lock = open(root / ".lock", "w")  # noqa: SIM115  (held as long as the store)
@@ -97,7 +103,8 @@ class ExampleStore:
         folder = _folder(self.root, number)
         try:
             partial.mkdir()
-            example.write(partial, number, datetime.now(UTC).isoformat(timespec="seconds"))
+            now = datetime.now(UTC).isoformat(timespec="seconds")
+            example.write(partial, number, now, self.opened)
             _flush(partial)
             partial.rename(folder)
         except OSError as err:
@@ -142,14 +149,18 @@ class ExampleStore:
         return file.read_bytes() if file.is_file() else None
 
 
+def stored_examples(root: Path) -> list[StoredExample]:
+    """Read a store's examples, the oldest first, also while a console records there."""
+    return [_read(root, number) for number in sorted(_numbers(root))] if root.is_dir() else []
+
+
 def export_examples(root: Path, out: Path, verdict: str = ACCEPTED) -> int:
     """Write a store's examples of one verdict as a data set, also while a console records there.
 
     Raises:
         InvalidInputError: If there is none, or `out` is not empty.
     """
-    found = [_read(root, number) for number in sorted(_numbers(root))] if root.is_dir() else []
-    chosen = [item for item in found if item.review.verdict == verdict]
+    chosen = [item for item in stored_examples(root) if item.review.verdict == verdict]
     if not chosen:
         raise InvalidInputError(
             f"{root} holds no example that is {verdict}; record and review some on the console"

@@ -18,6 +18,7 @@ from emd_console.command_log import CommandLog
 from emd_console.config import ConsoleConfig
 from emd_console.desk import Desk
 from emd_console.example_store import ExampleStore
+from emd_console.history import COMMANDS, EXAMPLES
 from emd_console.operator_lease import OperatorLease
 from emd_console.port import require_free_port
 from emd_console.ros.cell_view import CellView
@@ -41,7 +42,7 @@ def make_console(node: Node) -> Console:
     directory = Path(config.directory)
     state = CellState()
     view = CellView(node, state, config.reliable)
-    store = ExampleStore(directory / "examples")
+    store = ExampleStore(directory / EXAMPLES)
     desk = Desk(GraphCell(node, view), store, config.restarts)
     feed = LiveFeed(
         state,
@@ -50,7 +51,7 @@ def make_console(node: Node) -> Console:
         lambda: view.image_number,
         config.camera_rate,
     )
-    log = CommandLog(directory / "commands.jsonl")
+    log = CommandLog(directory / COMMANDS)
     policy = AccessPolicy(config.host, config.port, _tokens(config))
     console = Console(state, desk, OperatorLease(), log, store, policy, feed)
     _write_links(directory / ACCESS_FILE, console)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 
 from nicegui import ui
@@ -10,6 +11,8 @@ from emd_console.session import Session
 from emd_console.web.console import STATIC, Console
 from emd_console.web.controls import button, guarded, tell
 from emd_core.errors import CellError
+
+REFRESH = 0.4  # seconds
 
 
 def page_frame(console: Console, session: Session) -> Callable[[], None]:
@@ -22,9 +25,25 @@ def page_frame(console: Console, session: Session) -> Callable[[], None]:
         ui.space()
         commander = _Commander(console, session)
         ui.link("Recordings", "/review").classes("nav")
+        ui.link("History", "/history").classes("nav")
         button("", lambda: _toggle(dark), "d", "contrast").props('aria-label="light or dark"')
         _stop_button(session)
     return commander.refresh
+
+
+def plain_page(console: Console, session: Session, name: str) -> None:
+    """Make a page that shows no live cell: the bar with its name, keys, and who commands."""
+    refresh = page_frame(console, session)
+
+    def update() -> None:
+        if ui.context.client.has_socket_connection:
+            session.seen()
+        refresh()
+
+    ui.timer(REFRESH, update)
+    update()
+    ui.add_body_html(f"<script>window.EMD = null; window.PAGE = {json.dumps(name)}</script>")
+    add_scripts()
 
 
 def add_scripts() -> None:

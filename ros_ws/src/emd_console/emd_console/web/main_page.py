@@ -15,14 +15,12 @@ from emd_console.sections import heights
 from emd_console.session import Session
 from emd_console.web.console import Console
 from emd_console.web.controls import guarded
-from emd_console.web.frame import add_scripts, page_frame
+from emd_console.web.frame import REFRESH, add_scripts, page_frame
 from emd_console.web.goal_panel import GoalPanel
 from emd_console.web.guard import ROLE, VISITOR
 from emd_console.web.sections_html import figure
 from emd_console.web.teach_panel import TeachPanel
 from emd_console.web.work_panel import WorkPanel
-
-_REFRESH = 0.4  # seconds
 
 
 def add_main_page(console: Console) -> None:
@@ -71,7 +69,7 @@ def _build(console: Console, session: Session) -> None:
         for part in (refresh, teach.refresh, goals.refresh, work.refresh):
             guarded(part)()
 
-    ui.timer(_REFRESH, update)
+    ui.timer(REFRESH, update)
     update()
 
 

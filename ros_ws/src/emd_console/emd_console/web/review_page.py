@@ -11,7 +11,7 @@ from emd_console.example_store import ACCEPTED, REJECTED, UNDECIDED, Review, Sto
 from emd_console.session import Session
 from emd_console.web.console import Console
 from emd_console.web.controls import button, guarded
-from emd_console.web.frame import add_scripts, page_frame
+from emd_console.web.frame import plain_page
 from emd_console.web.main_page import open_session
 
 _SHOWN = 60
@@ -23,19 +23,8 @@ def add_review_page(console: Console) -> None:
     @ui.page("/review", response_timeout=30.0)
     def review_page(request: Request) -> None:
         session = open_session(console, request)
-        refresh = page_frame(console, session)
-        panel = ReviewPanel(console, session)
-
-        def update() -> None:
-            if ui.context.client.has_socket_connection:
-                session.seen()
-            refresh()
-
-        ui.timer(0.4, update)
-        update()
-        panel.show()
-        ui.add_body_html("<script>window.EMD = null</script>")
-        add_scripts()
+        plain_page(console, session, "recordings")
+        ReviewPanel(console, session).show()
 
 
 class ReviewPanel:

@@ -12,6 +12,7 @@ from starlette.staticfiles import StaticFiles
 from emd_console.goals import gallery
 from emd_console.web.console import STATIC, Console
 from emd_console.web.guard import Guard
+from emd_console.web.history_page import add_history_page
 from emd_console.web.main_page import add_main_page
 from emd_console.web.review_page import add_review_page
 
@@ -28,6 +29,7 @@ def make_app(console: Console) -> FastAPI:
     _add_pictures(app, console)
     add_main_page(console)
     add_review_page(console)
+    add_history_page(console, app)
     ui.run_with(
         app,
         title=_TITLE,

@@ -102,5 +102,5 @@ bindKeys();
 if (window.EMD) {
   connect(whenThere("#folds").then(() => (window.page = new Page(window.EMD))));
 } else {
-  whenThere("#status").then(() => (document.getElementById("status").textContent = "recordings"));
+  whenThere("#status").then(() => (document.getElementById("status").textContent = window.PAGE));
 }
