@@ -87,6 +87,9 @@ class Row:
     mask_iou: float
     voxel_mse: float
     voxel_mse_seen: float
+    voxel_mse_known: float | None
+    hidden: int
+    hidden_as_empty: int
     layers_right: float | None
     layers_right_lying: float | None
     segmentation_ms: float | None
@@ -137,17 +140,23 @@ def _row(scene: Scene, timed: bool) -> Row:
     )
     if isinstance(found, str):
         empty = scene.grid.occupancy
-        mse = float(empty.mean()), float(empty[_seen(scene)].mean())
-        return Row(*known, found, 0.0, 0.0, *mse, *_layers(scene, None), *timing)
+        mse = float(empty.mean()), float(empty[_seen(scene)].mean()), None
+        hidden = int((~_seen(scene)).sum())
+        return Row(*known, found, 0.0, 0.0, *mse, hidden, hidden, *_layers(scene, None), *timing)
     seen = _seen(scene)
-    wrong = found.voxel_grid.occupancy[seen] != scene.grid.occupancy[seen]
+    unknown = found.voxel_grid.unknown
+    told = np.zeros_like(seen) if unknown is None else unknown
+    wrong = found.voxel_grid.occupancy != scene.grid.occupancy
     return Row(
         *known,
         "",
         found.quality,
         _iou(found.mask, scene.mask),
         voxel_mse(found.voxel_grid, scene.grid),
-        float(wrong.mean()),
+        float(wrong[seen].mean()),
+        float(wrong[~told].mean()),
+        int((~seen).sum()),
+        int((~seen & ~told & ~found.voxel_grid.silhouette).sum()),
         *_layers(scene, found),
         *timing,
     )
@@ -240,6 +249,11 @@ def _summary(rows: Sequence[Row]) -> dict[str, Any]:
         "voxel_mse_no_hand": float(
             np.mean([row.voxel_mse for row in rows if not row.hand_in_view])
         ),
+        "voxel_mse_known": float(
+            np.mean([row.voxel_mse_known for row in rows if row.voxel_mse_known is not None])
+        ),
+        "hidden_with_hand": sum(row.hidden for row in rows if row.hand_in_view),
+        "hidden_as_empty_with_hand": sum(row.hidden_as_empty for row in rows if row.hand_in_view),
         "layers_right": float(np.mean(layers)),
         "layers_right_lying": float(np.mean(lying)),
         "refused": sum(bool(row.refusal) for row in rows),

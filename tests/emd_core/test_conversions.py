@@ -35,6 +35,21 @@ def test_voxel_grid_there_and_back_again() -> None:
     assert again.field_of_view == grid.field_of_view
 
 
+def test_unknown_columns_there_and_back_again() -> None:
+    """They travel with the grid, take no space where there are none, and must fit it."""
+    grid = random_grid()
+    unknown = np.random.default_rng(1).random(grid.occupancy.shape[:2]) < 0.2
+    hidden = VoxelGrid(grid.occupancy, grid.field_of_view, unknown)
+    message = conversions.voxel_grid_to_message(hidden, HEADER)
+    np.testing.assert_array_equal(
+        conversions.voxel_grid_from_message(message).unknown, hidden.unknown
+    )
+    assert len(conversions.voxel_grid_to_message(grid, HEADER).unknown) == 0
+    message.unknown = message.unknown[:-1]
+    with pytest.raises(InvalidInputError, match="unknown columns"):
+        conversions.voxel_grid_from_message(message)
+
+
 def test_a_plain_voxel_grid_is_read_too() -> None:
     """One byte a voxel says the same as one bit a voxel."""
     grid = random_grid()

@@ -97,3 +97,21 @@ def test_a_grid_of_another_size_is_refused() -> None:
     """Occupancy and field of view must agree."""
     with pytest.raises(InvalidInputError, match="32"):
         VoxelGrid(np.zeros((16, 32, 16), dtype=bool))
+
+
+def test_unknown_columns_are_kept_in_files(tmp_path) -> None:
+    """A grid whose columns are not all known is read as it was written, others without them."""
+    occupancy = np.zeros((32, 32, 16), bool)
+    unknown = np.random.default_rng(0).random((32, 32)) < 0.1
+    for grid in (VoxelGrid(occupancy, FOV, unknown), VoxelGrid(occupancy, FOV)):
+        grid.save(tmp_path / "grid.npz")
+        again = VoxelGrid.load(tmp_path / "grid.npz")
+        np.testing.assert_array_equal(again.unknown, grid.unknown)
+        assert again.unknown_count == grid.unknown_count
+
+
+@pytest.mark.parametrize("unknown", [np.zeros((32, 16), bool), np.zeros((32, 32), np.uint8)])
+def test_unknown_columns_of_another_shape_or_type_are_refused(unknown) -> None:
+    """The mask must fit the grid."""
+    with pytest.raises(InvalidInputError, match="unknown columns"):
+        VoxelGrid(np.zeros((32, 32, 16), bool), FOV, unknown)

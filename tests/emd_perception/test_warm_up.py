@@ -7,6 +7,7 @@ from emd_core.pinhole_camera import PinholeCamera
 from emd_perception import (
     band_cut,
     depth_to_voxel,
+    hidden_columns,
     mask_morphology,
     masked_surface,
     minimum_cut,
@@ -22,6 +23,7 @@ from emd_perception.warm_up import prepare
 MODULES = (
     band_cut,
     depth_to_voxel,
+    hidden_columns,
     mask_morphology,
     masked_surface,
     minimum_cut,
@@ -44,7 +46,7 @@ def test_a_stream_compiles_nothing_more_after_the_warm_up(hand_scene) -> None:
     """No frame of a stream, with a hand and with missing depth, waits for the compiler."""
     prepare()
     before = variants()
-    for called in ("band_cut._fill_links", "minimum_cut._cut", "masked_surface._unproject"):
+    for called in ("band_cut._fill_links", "minimum_cut._cut", "hidden_columns._count_pixels"):
         assert before[f"emd_perception.{called}"] == 1
     session = PerceptionSession(TableWatch())
     for stamp in (0.0, 0.1, 0.2):

@@ -22,16 +22,21 @@ class VoxelGrid:
     Attributes:
         occupancy: Boolean array with axes (X, Y, Z) of the table frame.
         field_of_view: The box that the grid covers.
+        unknown: Columns of which it is not known whether they hold cloth, because something hides
+            them, shape (X, Y); None if all are known. What `occupancy` says there is what was
+            seen of them, if anything.
     """
 
     occupancy: BoolArray
     field_of_view: FieldOfView = field(default_factory=FieldOfView)
+    unknown: BoolArray | None = None
 
     def __post_init__(self) -> None:
         """Check the shape.
 
         Raises:
-            InvalidInputError: If `occupancy` is not boolean of the field of view's size.
+            InvalidInputError: If `occupancy` or `unknown` is not boolean of the field of view's
+                size.
         """
         if self.occupancy.shape != tuple(self.field_of_view.size):
             raise InvalidInputError(
@@ -42,6 +47,19 @@ class VoxelGrid:
             raise InvalidInputError(
                 f"occupancy must be boolean, got {self.occupancy.dtype}; threshold it first"
             )
+        unknown = self.unknown
+        if unknown is not None and (
+            unknown.shape != self.occupancy.shape[:2] or unknown.dtype != np.bool_
+        ):
+            raise InvalidInputError(
+                f"unknown columns must be boolean of shape {self.occupancy.shape[:2]}, got "
+                f"{unknown.dtype} of shape {unknown.shape}; leave them out if all are known"
+            )
+
+    @property
+    def unknown_count(self) -> int:
+        """How many columns are not known."""
+        return 0 if self.unknown is None else int(np.count_nonzero(self.unknown))
 
     @property
     def silhouette(self) -> BoolArray:
@@ -58,15 +76,18 @@ class VoxelGrid:
     def save(self, path: Path) -> None:
         """Write an .npz with `occupancy` (uint8), `half_extent` (m) and `height` (normalised).
 
-        The file appears whole or not at all.
+        Where columns are not known, `unknown` (uint8) is there too. The file appears whole or not
+        at all.
         """
+        arrays: dict[str, ArrayLike] = {
+            "occupancy": self.occupancy.astype(np.uint8),
+            "half_extent": self.field_of_view.half_extent,
+            "height": self.field_of_view.height,
+        }
+        if self.unknown is not None:
+            arrays["unknown"] = self.unknown.astype(np.uint8)
         with whole_file(path) as temporary, open(temporary, "wb") as stream:
-            np.savez_compressed(
-                stream,
-                occupancy=self.occupancy.astype(np.uint8),
-                half_extent=self.field_of_view.half_extent,
-                height=self.field_of_view.height,
-            )
+            np.savez_compressed(stream, allow_pickle=False, **arrays)
 
     @classmethod
     def load(cls, path: Path) -> VoxelGrid:
@@ -80,6 +101,7 @@ class VoxelGrid:
                 occupancy = np.asarray(stored["occupancy"])
                 half_extent = float(stored["half_extent"])
                 height = float(stored["height"])
+                unknown = stored["unknown"].astype(bool) if "unknown" in stored else None
         except (OSError, KeyError, ValueError, EOFError) as err:
             raise InvalidInputError(
                 f"{path} should be a voxel grid (.npz with occupancy, half_extent, height): {err}"
@@ -89,7 +111,7 @@ class VoxelGrid:
                 f"{path}: occupancy must have axes (X, Y, Z), got shape {occupancy.shape}"
             )
         size = (occupancy.shape[0], occupancy.shape[1], occupancy.shape[2])
-        return cls(occupancy.astype(bool), FieldOfView(half_extent, height, size))
+        return cls(occupancy.astype(bool), FieldOfView(half_extent, height, size), unknown)
 
 
 def voxelise(points_in_table: ArrayLike, field_of_view: FieldOfView | None = None) -> VoxelGrid:

@@ -127,6 +127,8 @@ class VoxelConfig:
         min_points_in_cell: Wide cells with fewer thinned-out points are left out.
         min_coverage: Columns that the cloth's pixels cover by a smaller share are empty: the
             outline errs by about a pixel.
+        max_hidden_share: Columns of whose pixels a hand or another thing in view hides a larger
+            share, and more than show cloth, are unknown.
     """
 
     max_cells_per_voxel: int = bounded(4, 1, 64)
@@ -135,6 +137,7 @@ class VoxelConfig:
     max_lone_height: float = bounded(0.012, 1e-4, 1.0)
     min_points_in_cell: int = bounded(2, 1, 1000)
     min_coverage: float = bounded(0.02, 0.0, 1.0)
+    max_hidden_share: float = bounded(0.1, 0.0, 1.0)
 
     def __post_init__(self) -> None:
         """Check the ranges.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,12 +16,13 @@ from emd_perception.cut_memory import CutMemory
 from emd_perception.depth_image import check_images
 from emd_perception.depth_to_voxel import voxelise_cloth
 from emd_perception.fusion import FusedFrame, fuse_frames
+from emd_perception.hidden_columns import hidden_columns
 from emd_perception.image_types import ColourImage, DepthImage, Mask
 from emd_perception.open3d_library import load_open3d
 from emd_perception.perception import Perception
 from emd_perception.quality import Judgement, combine, good
 from emd_perception.region import field_of_view_region, observed_region, pixel_area_on_table
-from emd_perception.segmentation import segment_cloth
+from emd_perception.segmentation import Segmentation, segment_cloth
 from emd_perception.stopwatch import Stopwatch
 from emd_perception.table_frame import check_transform
 from emd_perception.table_search import find_table, locate_table_frame
@@ -131,7 +132,7 @@ def _perceive_fused(frame: FusedFrame, view: _View, clock: Stopwatch) -> Percept
             frame.depth, rough, segmentation.mask, region, view.camera, known_pose, config.plane
         )
     with clock.stage("voxelisation"):
-        cloth = _voxelise(frame, segmentation.mask, table.transform_camera_to_table, view)
+        cloth = _voxelise(frame, segmentation, table.transform_camera_to_table, view)
     motion = frame.motion_share(region)
     judgements = [*segmentation.judgements, *table.judgements, *_judge(cloth, motion, config)]
     quality, reason = combine(judgements)
@@ -167,12 +168,12 @@ def _region(height: DepthImage, view: _View) -> Mask:
 
 
 def _voxelise(
-    frame: FusedFrame, mask: Mask, transform_camera_to_table: FloatArray, view: _View
+    frame: FusedFrame, seen: Segmentation, transform_camera_to_table: FloatArray, view: _View
 ) -> _VoxelisedCloth:
     points = cloth_points(
         frame.colour,
         frame.depth,
-        mask,
+        seen.mask,
         view.camera,
         transform_camera_to_table,
         _POINT_SPACING * float(view.field_of_view.resolution[0]),
@@ -180,6 +181,18 @@ def _voxelise(
     )
     field_of_view, notes = _fit_field_of_view(points, view)
     grid = voxelise_cloth(points, field_of_view, view.config.voxel)
+    unknown = hidden_columns(
+        seen.hiding,
+        seen.mask,
+        view.camera,
+        transform_camera_to_table,
+        field_of_view,
+        view.config.voxel,
+    )
+    grid = replace(grid, unknown=unknown)
+    if grid.unknown_count:
+        note = f"{grid.unknown_count} columns are unknown: something tall or too near hides them"
+        notes = (*notes, note)
     return _VoxelisedCloth(points, grid, notes)
 
 

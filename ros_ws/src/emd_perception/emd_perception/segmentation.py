@@ -52,12 +52,14 @@ class Segmentation:
         area: Square metres on the table.
         judgements: How far to trust it, and why.
         memory: For the next frame.
+        hiding: Pixels of hands and other things that may hide cloth, shape (H, W).
     """
 
     mask: Mask
     area: float
     judgements: tuple[Judgement, ...]
     memory: CutMemory
+    hiding: Mask
 
 
 def segment_cloth(
@@ -119,7 +121,10 @@ def segment_cloth(
     pieces = _pieces_near(mask[window], resize_mask(outline, mask.shape)[window])
     mask[window] = _fill_holes(pieces, pixel_area[window], height[window], settings)
     memory = kept or CutMemory(evidence.lab, mixtures)
-    return Segmentation(mask, float(pixel_area[mask].sum()), judgements, memory)
+    hiding = np.zeros_like(mask) if hands is None else hands.pixels & ~mask
+    if blind.any():
+        hiding |= resize_mask(blind, mask.shape) & ~mask
+    return Segmentation(mask, float(pixel_area[mask].sum()), judgements, memory, hiding)
 
 
 def _pieces_near(mask: Mask, guide: Mask) -> Mask:

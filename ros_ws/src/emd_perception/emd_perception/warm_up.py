@@ -8,11 +8,11 @@ from emd_core.pinhole_camera import PinholeCamera
 from emd_perception.open3d_library import load_open3d
 from emd_perception.pipeline import perceive
 
-_CLOTH, _TABLE = (40, 80, 170), (190, 150, 110)
+_CLOTH, _TABLE, _HAND = (40, 80, 170), (190, 150, 110), (120, 120, 120)
 
 
 def prepare() -> None:
-    """Load Open3D and perceive a small made-up cloth once.
+    """Load Open3D and perceive a small made-up cloth and hand once.
 
     Numba keeps what it compiles for later processes: it takes half a minute the first time and a
     second or two afterwards.
@@ -27,4 +27,5 @@ def prepare() -> None:
     depth = np.full(shape, 0.6, dtype=np.float32)
     depth[80:160, 110:210] = 0.595
     depth[100, 120:126] = np.nan
+    colour[:60, :90], depth[:60, :90] = _HAND, 0.45
     perceive(colour, depth, camera, transform_camera_to_table)

@@ -75,6 +75,9 @@ def header(stamp: TimeMsg | float, frame_id: str) -> Header:
 def voxel_grid_to_message(grid: VoxelGrid, message_header: Header) -> VoxelGridMsg:
     """Pack a voxel grid."""
     fov = grid.field_of_view
+    unknown = np.zeros(0, dtype=np.uint8)
+    if grid.unknown is not None and grid.unknown.any():
+        unknown = np.packbits(grid.unknown)
     return VoxelGridMsg(
         header=message_header,
         size_x=fov.size[0],
@@ -86,6 +89,7 @@ def voxel_grid_to_message(grid: VoxelGrid, message_header: Header) -> VoxelGridM
         z_scale=fov.z_scale,
         encoding=VoxelGridMsg.PACKED,
         data=byte_array(np.packbits(grid.occupancy)),
+        unknown=byte_array(unknown),
     )
 
 
@@ -117,7 +121,22 @@ def voxel_grid_from_message(message: VoxelGridMsg) -> VoxelGrid:
     values = np.unpackbits(data, count=count) if packed else data
     if values.max() > 1:
         raise InvalidInputError(f"plain voxels must be 0 or 1, got {values.max()}")
-    return VoxelGrid(values.reshape(size).astype(bool), fov)
+    return VoxelGrid(values.reshape(size).astype(bool), fov, _unknown_columns(message, size))
+
+
+def _unknown_columns(
+    message: VoxelGridMsg, size: tuple[int, int, int]
+) -> NDArray[np.bool_] | None:
+    data = np.frombuffer(bytes(message.unknown), dtype=np.uint8)
+    if data.size == 0:
+        return None
+    count = size[0] * size[1]
+    if data.size != (count + 7) // 8:
+        raise InvalidInputError(
+            f"unknown columns of {size[0]} x {size[1]} need {(count + 7) // 8} bytes, got "
+            f"{data.size}; leave them out if all are known"
+        )
+    return np.unpackbits(data, count=count).reshape(size[:2]).astype(bool)
 
 
 def manipulation_to_message(manipulation: Manipulation, message_header: Header) -> ManipulationMsg:

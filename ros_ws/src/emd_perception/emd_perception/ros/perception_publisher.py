@@ -71,6 +71,7 @@ class PerceptionPublisher:
             "quality": f"{perception.quality:.3f}",
             "cloth_pixels": str(int(perception.mask.sum())),
             "occupied_voxels": str(int(grid.occupancy.sum())),
+            "unknown_columns": str(grid.unknown_count),
             **{f"ms_{name}": f"{value:.1f}" for name, value in perception.milliseconds.items()},
         }
         self._report(pair, level, perception.reason, values)
