@@ -56,7 +56,7 @@ def test_the_papers_net_fits_in_45_megabytes(tmp_path):
 
 def test_missing_and_broken_files_are_refused(tmp_path):
     """A missing file and a file of another kind are named, with the remedy."""
-    with pytest.raises(ModelError, match="emd_planner.train"):
+    with pytest.raises(ModelError, match="cell train"):
         load_net(tmp_path / "absent.safetensors")
     broken = tmp_path / "broken.safetensors"
     broken.write_bytes(b"not weights")
