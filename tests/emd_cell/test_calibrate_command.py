@@ -75,10 +75,10 @@ def test_a_bag_gives_the_pose_and_stores_it(scene, tmp_path) -> None:
 def test_a_bag_without_a_usable_frame_is_refused(scene, tmp_path) -> None:
     """The reason is the first one that came; no file is written."""
     first = messages(scene, 0, SECOND)
-    first["color"].encoding = "bayer_rggb8"
+    first["color"].encoding = "yuv422_yuy2"
     bag = write_bag(tmp_path / "bag", [recorded(*item) for item in _with_times(first)])
     request = CalibrationRequest(bag, 2, TOPICS, place=PLACE)
-    with pytest.raises(InvalidInputError, match="bayer_rggb8"):
+    with pytest.raises(InvalidInputError, match="yuv422_yuy2"):
         run_calibration(request, tmp_path / "camera.yaml", Console(quiet=True))
     assert not (tmp_path / "camera.yaml").exists()
 

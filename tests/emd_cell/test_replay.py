@@ -46,7 +46,7 @@ def messages(scene) -> list[Recorded]:
     broken = colour_message(scene, STAMPS[2] + SECOND // 30)
     broken.data = broken.data[:30]
     strange = colour_message(scene, STAMPS[3] + SECOND // 30)
-    strange.encoding = "bayer_rggb8"
+    strange.encoding = "yuv422_yuy2"
     late = START + 400 * SECOND  # the clock jumps ahead and back
     found = [*calibration_and_pose(scene, START), *pairs(scene, STAMPS)]
     for bad in (broken, strange):
@@ -105,7 +105,7 @@ def test_every_pair_gives_its_grid_or_a_reason(fast, scene) -> None:
     assert len(summary["grids"]) == 7
     reasons = [entry["reason"] for entry in summary["skipped"]]
     assert len(reasons) == 4
-    for part in ("carries 30", "bayer_rggb8", "cannot be decoded", "played before"):
+    for part in ("carries 30", "yuv422_yuy2", "cannot be decoded", "played before"):
         assert sum(part in reason for reason in reasons) == 1, (part, reasons)
     assert [round(jump["seconds"]) for jump in summary["clock_jumps"]] == [400, -400]
     for entry in summary["grids"]:

@@ -191,3 +191,43 @@ def test_a_lens_of_an_unknown_model_is_refused() -> None:
     message = CameraInfo(distortion_model="mine", d=[0.1, 0.2])
     with pytest.raises(InvalidInputError, match="plumb_bob"):
         conversions.lens_from_message(message)
+
+
+def mosaic_of(colour: np.ndarray, pattern: str) -> np.ndarray:
+    """What a sensor with this pattern sees of a picture, shape (H, W)."""
+    seen = np.empty(colour.shape[:2], colour.dtype)
+    for place, name in enumerate(pattern):
+        rows, columns = slice(place // 2, None, 2), slice(place % 2, None, 2)
+        seen[rows, columns] = colour[rows, columns, "rgb".index(name)]
+    return seen
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+@pytest.mark.parametrize("pattern", ["rggb", "bggr", "gbrg", "grbg"])
+def test_bayer_images_are_read_as_rgb(pattern: str, bits: int) -> None:
+    """A smooth picture comes back to a level or two, each colour in its channel."""
+    v, u = np.mgrid[:60, :80].astype(float)
+    smooth = np.stack([40 + 2 * u, 200 - u - v, 30 + 3 * v], axis=-1)
+    scale, kind = (1, np.uint8) if bits == 8 else (257, np.uint16)
+    mosaic = mosaic_of((smooth * scale).astype(kind), pattern)
+    message = conversions.image_to_message(mosaic, f"bayer_{pattern}{bits}", HEADER)
+    found = conversions.rgb_from_message(message)
+    assert found.dtype == np.uint8
+    assert found.shape == (60, 80, 3)
+    inner = (slice(1, -1), slice(1, -1))
+    np.testing.assert_allclose(found[inner].astype(float), smooth[inner], atol=1.0)
+
+
+def test_bayer_images_of_either_byte_order_are_read() -> None:
+    """16 bits a pixel, highest byte first."""
+    mosaic = np.full((6, 8), 0x8110, np.uint16)
+    message = conversions.image_to_message(mosaic, "bayer_rggb16", HEADER)
+    message.data, message.is_bigendian = mosaic.astype(">u2").tobytes(), 1
+    assert np.unique(conversions.rgb_from_message(message)).tolist() == [0x81]
+
+
+def test_a_bayer_image_too_small_to_interpolate_is_refused() -> None:
+    """Two rows do not surround any pixel."""
+    message = conversions.image_to_message(np.zeros((2, 8), np.uint8), "bayer_grbg8", HEADER)
+    with pytest.raises(InvalidInputError, match="8 x 2"):
+        conversions.rgb_from_message(message)

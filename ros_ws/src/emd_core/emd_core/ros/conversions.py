@@ -41,6 +41,11 @@ _ENCODINGS: dict[str, tuple[str, int]] = {
     "mono16": ("u2", 1),
     "16UC1": ("u2", 1),
     "32FC1": ("f4", 1),
+    **{
+        f"bayer_{pattern}{bits}": (f"u{bits // 8}", 1)
+        for pattern in ("rggb", "bggr", "gbrg", "grbg")
+        for bits in (8, 16)
+    },
 }
 
 
@@ -225,13 +230,19 @@ def image_from_message(message: Any) -> NDArray[Any]:
 def rgb_from_message(message: Any) -> NDArray[np.uint8]:
     """Read a colour image as RGB, shape (H, W, 3).
 
+    Bayer images are interpolated; of 16 bits the upper 8 remain.
+
     Raises:
         InvalidInputError: If it is not a colour image.
     """
     image = image_from_message(message)
+    if message.encoding.startswith("bayer_"):
+        from emd_core.ros.bayer import rgb_from_bayer  # only then OpenCV is needed here
+
+        return rgb_from_bayer(image, message.encoding)
     if image.ndim != 3 or image.dtype != np.uint8:
         raise InvalidInputError(
-            f"a colour image (rgb8, bgr8, rgba8, bgra8) is needed, got {message.encoding}"
+            f"a colour image (rgb8, bgr8, rgba8, bgra8, bayer_*) is needed, got {message.encoding}"
         )
     order = [2, 1, 0] if message.encoding.startswith(("bgr", "8UC3")) else [0, 1, 2]
     return np.ascontiguousarray(image[..., order])
