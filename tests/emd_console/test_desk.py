@@ -2,15 +2,19 @@
 
 import asyncio
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from fake_cell import HALF, observation
 
 from emd_arm_executor.hiro.description import OBSERVE, transform_camera_to_table
-from emd_console.goals import PRESENT
+from emd_cloth_sim.config import ClothConfig
+from emd_cloth_sim.mesh import flat_positions
+from emd_console.goals import PRESENT, WHAT_IF, neat_goal
 from emd_console.projection import TableProjection
 from emd_core.errors import BusyError, InvalidInputError, OutOfReachError
+from emd_core.metrics import voxel_mse
 from emd_core.pinhole_camera import PinholeCamera
 
 HEAD = OBSERVE.by_joint()
@@ -153,3 +157,20 @@ def test_the_present_state_is_a_goal_once_it_was_seen(desk) -> None:
     assert desk.goal.grid is desk.seen.grid
     with pytest.raises(InvalidInputError, match="half"):
         desk.choose_goal("../../etc/passwd")
+
+
+def test_what_would_become_of_a_lesson_is_the_goal(desk, cell) -> None:
+    """Nothing moves, and a plan to it can be asked for."""
+    desk.lesson.drag(pixel(-0.2, -0.2), pixel(0.2, -0.2))
+    desk.lesson.add_hand(pixel(-0.2, 0.2))
+    states = flat_positions(ClothConfig().vertices, ClothConfig().side_lengths)
+    cell.capture = lambda: as_seen(replace(observation(), cloth_states=states))
+    assert asyncio.run(desk.work("simulating", lambda: desk.try_lesson(PROJECTION))), desk.message
+    assert desk.goal.name == WHAT_IF and desk.lesson.release is None
+    assert voxel_mse(desk.goal.grid, neat_goal("half").grid) < 0.02
+    assert "execute" not in cell.calls
+
+
+async def as_seen(seen):
+    """What a look gives."""
+    return seen

@@ -218,7 +218,7 @@ def test_a_viewer_sees_everything_and_can_move_nothing(open_page, served) -> Non
     """No button works, and an event forged in the page's scripts does neither."""
     page = open_page(VIEWER)
     page.wait_for_picture()
-    for key in "lpern":
+    for key in "lpernw":
         assert page.page.locator(f'[data-key="{key}"]').first.is_disabled()
     page.page.keyboard.press("t")
     page.drag((190, 115), (180, 380))

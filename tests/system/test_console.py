@@ -1,5 +1,6 @@
 """The operator's console in a real browser, on the simulated cell."""
 
+import base64
 import json
 import os
 import signal
@@ -173,6 +174,25 @@ def test_the_diagonal_of_the_gallery_is_planned_and_executed(operator, client) -
     operator.screenshot("history")
     goal = goal_of("diagonal")
     assert voxel_mse(client.true_grid(), goal) < voxel_mse(before, goal)
+
+
+def test_what_a_drag_would_give_becomes_the_goal(operator, client) -> None:
+    """The simulated copy is folded, the cloth itself and the arms stay as they are."""
+    before, at_rest = client.true_grid(), joints(client)
+    operator.press("t")
+    operator.drag(pixel(-0.2, 0.2), pixel(0.0, 0.0))
+    operator.wait_for_message("can do this")
+    operator.press("w")
+    assert "is the goal now" in operator.wait_for_message("the goal now")
+    operator.page.wait_for_timeout(1000)
+    operator.screenshot("what_if")
+    heights = operator.page.evaluate("page.sections.grids.goal")
+    counts = np.frombuffer(base64.b64decode(heights["data"]), np.uint8).reshape(32, 32)
+    flat = before.occupancy.sum(axis=2)
+    assert counts[5:9, 23:27].sum() < 0.3 * flat[5:9, 23:27].sum()  # the corner is gone from here
+    assert counts.max() > flat.max()  # and lies on the rest
+    assert (client.true_grid().occupancy == before.occupancy).all()
+    assert np.allclose(joints(client), at_rest, atol=1e-3)
 
 
 def test_stop_ends_a_motion(operator, client) -> None:

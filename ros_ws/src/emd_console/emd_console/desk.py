@@ -11,10 +11,11 @@ from typing import Any
 from emd_console.cell_port import CellPort, Check, Observation
 from emd_console.example import Example
 from emd_console.example_store import ExampleStore
-from emd_console.goals import FILE, PRESENT, Goal, neat_goal
+from emd_console.goals import FILE, PRESENT, WHAT_IF, Goal, neat_goal
 from emd_console.outcomes import Fold, Proposal, plan_figures
 from emd_console.projection import TableProjection
 from emd_console.teaching import Lesson
+from emd_console.what_if import WhatIf
 from emd_core.errors import BusyError, CancelledError, CellError, InvalidInputError
 from emd_core.manipulation import Manipulation
 from emd_core.metrics import voxel_mse
@@ -43,6 +44,7 @@ class Desk:
         message: The last outcome, in words.
         failed: Whether that was an error.
         who: Who gave the present command.
+        what_if: Tries manipulations on a simulated copy of the cloth.
         clock: Gives seconds.
     """
 
@@ -63,6 +65,7 @@ class Desk:
     message: str = ""
     failed: bool = False
     who: str = "operator"
+    what_if: WhatIf = field(default_factory=WhatIf)
     clock: Callable[[], float] = lambda: asyncio.get_running_loop().time()
 
     async def work(self, doing: str, task: Callable[[], Any]) -> bool:
@@ -175,6 +178,20 @@ class Desk:
         self.clear_lesson()
         return fold.outcome
 
+    async def try_lesson(self, projection: TableProjection | None) -> str:
+        """Look, simulate what was drawn on a copy of the cloth, and take the outcome as goal."""
+        if projection is None:
+            raise InvalidInputError("the camera's calibration and pose are not known yet; wait")
+        manipulation = self.check.executed if self.check else self.lesson.manipulation(projection)
+        await self.look()
+        assert self.seen is not None
+        if self.pausing:
+            raise CancelledError("the stop came before the simulation began")
+        grid = await self.what_if.outcome(self.seen, manipulation)
+        self._take_goal(Goal(WHAT_IF, "What it would become", grid))
+        self.clear_lesson()
+        return "this is where the cloth would lie; it is the goal now, plan to reach it"
+
     def clear_lesson(self) -> None:
         """Forget what was drawn."""
         self.lesson.clear()
@@ -196,6 +213,7 @@ class Desk:
         """Cancel every motion and search; at any time."""
         self.pausing = True
         self.port.stop()
+        self.what_if.stop()
 
     @property
     def shown(self) -> Proposal | None:

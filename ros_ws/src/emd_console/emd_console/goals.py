@@ -1,4 +1,4 @@
-"""Goals to choose from: neat folds, the present state, a file."""
+"""Goals to choose from: neat folds, the present state, a file, what a manipulation would give."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from emd_core.voxel_grid import VoxelGrid
 
 PRESENT = "present"
 FILE = "file"
+WHAT_IF = "what_if"
 TITLES = {
     "half": "Half, towards the robot",
     "half_left": "Half, to the right",
@@ -29,7 +30,7 @@ class Goal:
     """What the cloth should look like.
 
     Attributes:
-        name: Of a neat fold, `present` or `file`.
+        name: Of a neat fold, `present`, `file` or `what_if`.
         title: For people.
         grid: The state.
         steps: Manipulations that it takes by hand; 1 where that is unknown.

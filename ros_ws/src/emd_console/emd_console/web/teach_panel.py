@@ -31,6 +31,7 @@ class TeachPanel:
             )
             self._text = ui.label(_HINT).classes("hint").props('id="lesson" aria-live="polite"')
             self._clear = button("Clear", guarded(self._on_clear), "c")
+            self._try = button("What if", self._on_try, "w", kind="outline")
             self._execute = button(
                 "Execute taught", self._on_execute, "r", kind="unelevated"
             ).classes("accept")
@@ -42,6 +43,7 @@ class TeachPanel:
         desk = self._desk
         free = self._session.commands and not desk.doing
         self._clear.set_enabled(free and desk.lesson.release is not None)
+        self._try.set_enabled(free and desk.lesson.release is not None)
         self._execute.set_enabled(free and desk.check is not None)
         self._text.text = self._hint()
 
@@ -89,6 +91,12 @@ class TeachPanel:
 
     async def _check(self) -> str:
         return await self._desk.check_lesson(self._console.state.snapshot.projection)
+
+    async def _on_try(self) -> None:
+        projection = self._console.state.snapshot.projection
+        await give(
+            self._session, "what if", "simulating", lambda: self._desk.try_lesson(projection)
+        )
 
     async def _on_execute(self) -> None:
         projection = self._console.state.snapshot.projection
