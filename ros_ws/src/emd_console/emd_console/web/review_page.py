@@ -46,7 +46,7 @@ class ReviewPanel:
         """Draw the list anew."""
         examples = self._store.all()
         accepted = sum(item.review.verdict == ACCEPTED for item in examples)
-        self._title.text = f"{len(examples)} recorded manipulations, {accepted} accepted"
+        self._title.text = f"{len(examples)} recorded, {accepted} accepted"
         self._undo_button.set_enabled(bool(self._undo))
         self._list.clear()
         with self._list:

@@ -5,8 +5,8 @@ import { theme } from "./colours.js";
 
 const FIELD = 0.571; // metres; the network's field of view
 const VALUES = 7;
-const EYE = [1.05, 0.75, 0.55]; // metres, base frame
-const MIDDLE = [0.22, 0, 0.08];
+const EYE = [1.2, 0.85, 0.7]; // metres, base frame
+const MIDDLE = [0.2, 0, 0.14];
 let THREE = null;
 
 export class RobotScene {
