@@ -79,3 +79,18 @@ def test_unusable_arrays_are_refused(arguments: dict) -> None:
     }
     with pytest.raises(InvalidInputError):
         Silhouette(**{**good, **arguments})
+
+
+def test_height_near_looks_at_every_cell_within_the_radius() -> None:
+    """Random heights and places, beside the mask too, give what a look at all cells gives."""
+    rng = np.random.default_rng(0)
+    resolution, origin = np.array([0.01, 0.015]), np.array([-0.1, -0.2])
+    mask = rng.random((20, 30)) < 0.7
+    silhouette = Silhouette(mask, resolution, origin, np.where(mask, rng.random(mask.shape), 0.0))
+    cells = np.argwhere(mask)
+    centres = origin + (cells + 0.5) * resolution
+    for _ in range(200):
+        point, radius = rng.uniform(-0.3, 0.4, 2), rng.uniform(0.0, 0.1)
+        near = np.linalg.norm(centres - point, axis=1) <= radius + 0.0075
+        expected = max((silhouette.heights[tuple(cell)] for cell in cells[near]), default=0.0)
+        assert silhouette.height_near(point, radius) == expected

@@ -147,7 +147,7 @@ class PathConfig:
     release_clearance: float = 0.008
     release_radius: float = 0.02
     blend: float = 0.04
-    linear_step: float = 0.005
+    linear_step: float = 0.003
     angular_step: float = 0.035
     minimum_displacement: float = 0.01
     retreat_height: float = 0.03

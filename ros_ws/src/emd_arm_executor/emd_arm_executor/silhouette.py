@@ -88,15 +88,20 @@ class Silhouette:
         """Give the greatest height of the cloth within `radius` of a point (2,), metres."""
         if self.heights is None:
             return 0.0
-        centres = [
-            self.origin_in_table[axis] + (np.arange(count) + 0.5) * self.resolution[axis]
-            for axis, count in enumerate(self.mask.shape)
-        ]
-        x, y = np.asarray(point_in_table, dtype=np.float64)
+        point = np.asarray(point_in_table, dtype=np.float64)
         reach = radius + float(self.resolution.max()) / 2.0
-        near = np.hypot(centres[0][:, None] - x, centres[1][None, :] - y) <= reach
-        near &= self.mask
-        return float(self.heights[near].max()) if near.any() else 0.0
+        centre = (point - self.origin_in_table) / self.resolution - 0.5
+        # Only the cells around the point are looked at; there may be many others.
+        first = np.ceil(centre - reach / self.resolution).astype(int).clip(0, self.mask.shape)
+        last = np.floor(centre + reach / self.resolution).astype(int).clip(-1, self.mask.shape)
+        window = tuple(slice(i, j + 1) for i, j in zip(first, last, strict=True))
+        offsets = [
+            (np.arange(count)[part] - centre[axis]) * self.resolution[axis]
+            for axis, (count, part) in enumerate(zip(self.mask.shape, window, strict=True))
+        ]
+        near = np.hypot(offsets[0][:, None], offsets[1][None, :]) <= reach
+        near &= self.mask[window]
+        return float(self.heights[window][near].max()) if near.any() else 0.0
 
 
 def _cut(occupied: BoolArray) -> tuple[int, int]:

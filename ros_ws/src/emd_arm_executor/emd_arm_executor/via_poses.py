@@ -52,16 +52,22 @@ def line_poses(start: FloatArray, end: FloatArray, config: PathConfig | None = N
         Shape (H, N, 4, 4), N >= 2; neighbours are at most a step apart.
     """
     config = config or PathConfig()
-    hands = range(len(start))
-    rotations = [Rotation.from_matrix(np.stack([start[h], end[h]])[:, :3, :3]) for h in hands]
+    # A hand that does not turn, as most do not, needs no interpolation of its rotation.
+    turning = {
+        h: Rotation.from_matrix(np.stack([start[h], end[h]])[:, :3, :3])
+        for h in range(len(start))
+        if not np.array_equal(start[h, :3, :3], end[h, :3, :3])
+    }
     distance = np.linalg.norm(end[:, :3, 3] - start[:, :3, 3], axis=1).max()
-    angle = max((pair[0].inv() * pair[1]).magnitude() for pair in rotations)
+    angle = max(((pair[0].inv() * pair[1]).magnitude() for pair in turning.values()), default=0.0)
     steps = max(distance / config.linear_step, angle / config.angular_step, 1.0)
     fractions = np.linspace(0.0, 1.0, int(np.ceil(steps - 1e-9)) + 1)
     poses = np.zeros((len(start), len(fractions), 4, 4))
     poses[..., 3, 3] = 1.0
-    for h in hands:
-        poses[h, :, :3, :3] = Slerp([0.0, 1.0], rotations[h])(fractions).as_matrix()
+    for h in range(len(start)):
+        poses[h, :, :3, :3] = start[h, :3, :3]
+        if h in turning:
+            poses[h, :, :3, :3] = Slerp([0.0, 1.0], turning[h])(fractions).as_matrix()
         offset = end[h, :3, 3] - start[h, :3, 3]
         poses[h, :, :3, 3] = start[h, :3, 3] + fractions[:, None] * offset
     return poses

@@ -13,7 +13,7 @@ from emd_cloth_sim.cloth import Cloth
 from emd_cloth_sim.config import ClothConfig
 from emd_cloth_sim.manipulate import manipulate
 from emd_core.errors import CellError, SimulationError
-from emd_core.frames import FieldOfView
+from emd_core.frames import FieldOfView, FloatArray
 from emd_core.manipulation import Manipulation
 from emd_core.metrics import voxel_mse
 from emd_core.voxel_grid import VoxelGrid, voxelise
@@ -49,7 +49,7 @@ def random_goal(planner: MotionPlanner, seed: int, index: int) -> FoldGoal:
     flat = Cloth(ClothConfig())
     before = true_grid(flat)
     size = np.array(flat.config.side_lengths)
-    silhouette = _flat_silhouette(size, flat.config.thickness)
+    silhouette = flat_silhouette(size, flat.config.thickness)
     while True:
         points, displacement = random_fold(rng, size, bool(rng.random() < 0.5))
         rows = np.full((2, 2), np.nan)
@@ -83,8 +83,8 @@ def true_grid(cloth: Cloth) -> VoxelGrid:
     return voxelise(surface, FieldOfView())
 
 
-def _flat_silhouette(size: np.ndarray, thickness: float) -> Silhouette:
-    """Draw the flat cloth in the middle of the field of view."""
+def flat_silhouette(size: FloatArray, thickness: float) -> Silhouette:
+    """Draw a flat cloth of this size (2,) and thickness, metres, amid the field of view."""
     half = FieldOfView().half_extent
     axis = np.arange(-half + _CELL / 2.0, half, _CELL)
     x, y = np.meshgrid(axis, axis, indexing="ij")
