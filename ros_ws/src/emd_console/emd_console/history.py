@@ -40,7 +40,7 @@ class Run:
         return [
             (entry["mse_before"], entry["mse_after"])
             for entry in entries
-            if entry.get("mse_before") is not None
+            if None not in (entry.get("mse_before"), entry.get("mse_after"))
         ]
 
     @property
