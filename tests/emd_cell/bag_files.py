@@ -72,13 +72,15 @@ def recorded(kind: str, stamp: int, message: Any) -> Recorded:
     return Recorded(kind, stamp, serialize_message(message))
 
 
-def calibration_and_pose(scene: Scene, stamp: int = 0) -> list[Recorded]:
+def calibration_and_pose(
+    scene: Scene, stamp: int = 0, camera: PinholeCamera = CAMERA
+) -> list[Recorded]:
     """What precedes the images."""
     from geometry_msgs.msg import PoseStamped
 
     pose = conversions.pose_to_message(scene.transform_camera_to_table)
     stamped = PoseStamped(header=header_at(stamp), pose=pose)
-    info = conversions.camera_to_message(CAMERA, header_at(stamp))
+    info = conversions.camera_to_message(camera, header_at(stamp))
     return [recorded("info", stamp, info), recorded("pose", stamp, stamped)]
 
 

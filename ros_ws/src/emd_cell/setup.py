@@ -6,7 +6,7 @@ setup(
     name="emd_cell",
     version="0.1.0",
     packages=find_packages(),
-    package_data={"emd_cell": ["py.typed"]},
+    package_data={"emd_cell": ["py.typed", "*.xml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/emd_cell"]),
         ("share/emd_cell", ["package.xml"]),

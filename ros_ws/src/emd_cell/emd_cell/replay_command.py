@@ -10,6 +10,7 @@ from rich.console import Console
 
 from emd_cell.bag_frames import required_topics
 from emd_cell.bag_reader import BagReader, BagTopics
+from emd_cell.large_messages import use_large_messages
 from emd_cell.launcher import Launcher, NodeSpec
 from emd_cell.replay_clock import ReplayClock
 from emd_cell.replay_summary import ReplaySummary
@@ -49,6 +50,7 @@ def run_replay(
         Calibration.load(calibration)
     with BagReader(bag, topics, required_topics(config)) as reader:
         total = reader.message_count  # a wrong bag is refused before anything starts
+    use_large_messages()
     with console.status("starting perception") as status:
         with Launcher([_perception(config, calibration)], out / "logs", console.log) as launcher:
             rclpy.init()
