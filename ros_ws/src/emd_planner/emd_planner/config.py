@@ -333,14 +333,14 @@ class PlannerConfig:
 PLANNERS: dict[str, PlannerConfig] = {
     "paper": PlannerConfig(max_displacement=1.0, start_on_cloth=False, grasp_weight=0.0),
     "ours": PlannerConfig(
-        restarts=10,
-        max_iterations=9,
+        restarts=8,
+        max_iterations=12,
         candidates=64,
         guessed_share=0.75,
         single_handed_share=0.5,
         try_single_handed=True,
         goal_cost="expected",
-        halve_every=3,
+        halve_every=4,
         bfloat16=True,
         grasp_on_cloth=True,
         keep_in_reach=True,
