@@ -240,4 +240,4 @@ def test_paper_recipe_is_that_of_the_paper():
     paper = RECIPES["paper"]
     assert (paper.recipe, paper.batch_size, paper.rollout_steps) == ("manhattan", 16, 1)
     assert paper.learning_rate == 1e-5
-    assert paper.augmentation == AugmentationConfig(near_miss_share=0.0)
+    assert paper.augmentation == AugmentationConfig()

@@ -155,7 +155,7 @@ class AugmentationConfig:
     failure_probability: float = 1.0 / 16.0
     translation_voxels: int = 0
     outside_margin_voxels: int = 1
-    near_miss_share: float = 0.5
+    near_miss_share: float = 0.0
     near_miss_clearance: float = 0.03
 
 
@@ -400,6 +400,5 @@ RECIPES: dict[str, TrainingConfig] = {
         learning_rate=1e-5,
         average_decay=0.0,
         bfloat16=False,
-        augmentation=AugmentationConfig(near_miss_share=0.0),
     ),
 }
