@@ -1,11 +1,13 @@
 """Transports for whole images: chosen where nobody has chosen others."""
 
 import os
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import pytest
 
-from emd_cell.large_messages import PROFILE, use_large_messages
+from emd_cell import large_messages
+from emd_cell.large_messages import PROFILE, ROOM, use_large_messages
 
 FILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 CHOSEN = (*FILES, "FASTDDS_BUILTIN_TRANSPORTS")
@@ -31,6 +33,15 @@ def test_the_users_choice_stays(name: str, monkeypatch) -> None:
     use_large_messages()
     assert {os.environ[other] for other in CHOSEN} == {"", "chosen"}
     assert os.environ[name] == "chosen"
+
+
+@pytest.mark.parametrize(("free", "used"), [(ROOM, True), (ROOM - 1, False)])
+def test_small_shared_memory_is_left_alone(free: int, used: bool, monkeypatch) -> None:
+    """In a container with little of it, the usual transports stay."""
+    usage = SimpleNamespace(free=free)
+    monkeypatch.setattr(large_messages.shutil, "disk_usage", lambda path: usage)
+    use_large_messages()
+    assert (os.environ[FILES[0]] == str(PROFILE)) == used
 
 
 def test_an_image_fits_into_the_memory_and_the_sockets() -> None:
