@@ -1,0 +1,1 @@
+"""The commands of `./cell`, by what they are for. Heavy imports wait until one is called."""
