@@ -161,21 +161,24 @@ def test_wrong_start_is_noticed(half_fold: MotionPlan, mock: MockRobot, robot: R
 
 
 class _Slipping(MockRobot):
-    """Loses its right elbow a little at a time once the carrying has begun."""
+    """Loses its right elbow a little at a time from some moment on."""
+
+    slips_from = np.inf
 
     def read_joints(self) -> JointReading:
         measured = dict(super().read_joints().positions)
-        if self.time > 6.0:
-            measured["RARM_JOINT2"] += 0.2 * (self.time - 6.0)
+        measured["RARM_JOINT2"] += 0.2 * max(self.time - self.slips_from, 0.0)
         return JointReading(self.time, measured)
 
 
 def test_lost_joint_is_noticed_and_held(half_fold: MotionPlan, robot: RobotModel) -> None:
     """A joint that leaves its trajectory stops everything and is named."""
     slipping = _Slipping(dict(robot.description.rest))
+    slipping.slips_from = _phase_start(half_fold, PhaseName.CARRY) + 0.1
     with pytest.raises(TrackingError, match="RARM_JOINT2"):
         MotionExecutor(slipping, robot).run(half_fold)
-    assert slipping.now() < 6.0 + 0.1 / 0.2 + 2 * robot.config.execution.monitor_period
+    noticed = slipping.now() - slipping.slips_from
+    assert noticed < 0.1 / 0.2 + 2 * robot.config.execution.monitor_period
     assert slipping._active == {}
 
 
