@@ -16,6 +16,8 @@ from emd_core.metrics import voxel_mse
 # Plans tried, each from another seed, when the arms cannot carry one out.
 ATTEMPTS = 3
 _GRASP = "grasp"
+# Words of an error that are kept with its record.
+_QUOTED = 300
 
 
 def fold_goal(
@@ -54,7 +56,7 @@ def fold_goal(
     try:
         executed = _fold(client, goal, seed, record, on_phase)
     except CellError as err:
-        record["error"] = f"{type(err).__name__}: {err}"
+        record["error"] = _quoted(err)
         client.go_home()
     else:
         record["seconds"] = time.perf_counter() - began
@@ -93,5 +95,9 @@ def _fold(
         except CellError as err:
             if phases or attempt == ATTEMPTS - 1:
                 raise
-            record["refusals"].append(f"{type(err).__name__}: {err}")
+            record["refusals"].append(_quoted(err))
     raise AssertionError("the last attempt returns or raises")
+
+
+def _quoted(err: CellError) -> str:
+    return f"{type(err).__name__}: {err}"[:_QUOTED]
