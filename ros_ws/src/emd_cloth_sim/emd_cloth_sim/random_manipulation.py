@@ -30,6 +30,8 @@ OUTLINE = 0.5
 FOLD_LENGTHS = (0.2, 1.1)
 FOLD_ANGLE = 0.25
 FOLD_STRAY = 0.3
+NEAT_SHARE = 0.5
+NEAT_SPREAD = 0.2
 
 
 @dataclass(frozen=True)
@@ -41,8 +43,8 @@ class ManipulationRule:
             displacement of uniform angle and of length uniform in 0..1.4 normalised. `paper`: as
             the paper has it (IV-A), the displacement's x and y uniform in -1..1 normalised. `hem`:
             grasps at the silhouette's edge, displacement towards the cloth's inside. `mixed`: 70 %
-            hem, 30 % any. `fold`: corners of the cloth or of its outline carried across it. One of
-            two hands is dropped with probability 0.5.
+            hem, 30 % any. `fold`: corners of the cloth or of its outline carried across it, half
+            of the time nearly straight. One of two hands is dropped with probability 0.5.
         edge_only: Whether `any` and `paper` too grasp only at the silhouette's edge, as the
             paper's robot does (IV-B); the other modes always do.
         independent_hands: Whether each hand draws a displacement of its own by the same rule.
@@ -71,21 +73,22 @@ class ManipulationRule:
             field_of_view: Scale of the normalised lengths.
             rng: Source of randomness.
         """
-        mode = self.mode
+        mode, spread = self.mode, 1.0
         if mode == "mixed":
             mode = "hem" if rng.random() < HEM_SHARE else "any"
         if mode == "fold":
-            mode, points, ways = _grasps_to_fold(cloth, field_of_view, rng)
+            spread = NEAT_SPREAD if rng.random() < NEAT_SHARE else 1.0
+            mode, points, ways = _grasps_to_fold(cloth, field_of_view, spread, rng)
         elif mode == "hem":
             points, ways = _grasps_at_hem(cloth, rng)
         else:
             points, ways = _grasps_anywhere(cloth, self.edge_only, rng), np.zeros((2, 2))
         if not self.independent_hands:
             way = np.nanmean(ways, axis=0)
-            return Manipulation(points, _displacement(mode, way, field_of_view, rng))
+            return Manipulation(points, _displacement(mode, way, field_of_view, spread, rng))
         displacements = np.full((2, 2), np.nan)
         for hand in np.flatnonzero(np.isfinite(points).all(axis=1)):
-            displacements[hand] = _displacement(mode, ways[hand], field_of_view, rng)
+            displacements[hand] = _displacement(mode, ways[hand], field_of_view, spread, rng)
         return IndependentManipulation(points, displacements)
 
 
@@ -118,14 +121,14 @@ def _grasps_at_hem(cloth: Cloth, rng: np.random.Generator) -> tuple[FloatArray, 
 
 
 def _grasps_to_fold(
-    cloth: Cloth, field_of_view: FieldOfView, rng: np.random.Generator
+    cloth: Cloth, field_of_view: FieldOfView, spread: float, rng: np.random.Generator
 ) -> tuple[str, FloatArray, FloatArray]:
     """Draw a corner or the two at one side, and the ways to the opposite corner or side.
 
     Corners are those of the cloth or, as often, of the smallest rectangle around it, which are
     ends of creases when it is folded. One must lie at the silhouette's edge; each hand strays from
-    its corner by up to 0.3 normalised along the edge. Where no corner does, the grasp is drawn as
-    at the hem.
+    its corner by up to 0.3 normalised, times `spread`, along the edge. Where no corner does, the
+    grasp is drawn as at the hem.
 
     Returns:
         The mode of the displacement, points and ways.
@@ -143,7 +146,7 @@ def _grasps_to_fold(
     near = [corner for corner in free if (corner - grasped[0]) % 2 == 1]
     if near and rng.random() < SECOND_HAND:
         grasped.append(rng.choice(near))
-    stray = float(field_of_view.table_from_normalised(FOLD_STRAY))
+    stray = spread * float(field_of_view.table_from_normalised(FOLD_STRAY))
     points, ways = np.full((2, 2), np.nan), np.full((2, 2), np.nan)
     for hand, corner in enumerate(grasped):
         reach = max(rng.uniform(0.0, stray), gaps[corner].min() + 1e-9)
@@ -153,12 +156,17 @@ def _grasps_to_fold(
 
 
 def _displacement(
-    mode: str, way: FloatArray, field_of_view: FieldOfView, rng: np.random.Generator
+    mode: str,
+    way: FloatArray,
+    field_of_view: FieldOfView,
+    spread: float,
+    rng: np.random.Generator,
 ) -> FloatArray:
     """Draw a displacement (2,), metres.
 
     Hem: length uniform in 0.1..1.4 normalised, angle within 90 degrees of the way. Fold: the
-    way's length times 0.2 to 1.1, its angle turned by a normal deviation of 0.25 rad.
+    way's length times 0.2 to 1.1, its angle turned by a normal deviation of 0.25 rad times
+    `spread`.
     """
     if mode == "paper":
         return field_of_view.table_from_normalised(rng.uniform(-1.0, 1.0, size=2))
@@ -167,7 +175,7 @@ def _displacement(
         return field_of_view.table_from_normalised(_polar(length, angle))
     angle = math.atan2(way[1], way[0])
     if mode == "fold":
-        angle += rng.normal(0.0, FOLD_ANGLE)
+        angle += rng.normal(0.0, spread * FOLD_ANGLE)
         return _polar(float(np.linalg.norm(way)) * rng.uniform(*FOLD_LENGTHS), angle)
     angle += rng.uniform(-0.5, 0.5) * math.pi
     length = rng.uniform(SHORTEST_AT_HEM, LONGEST)

@@ -14,8 +14,8 @@ from torch import Tensor
 
 from emd_core.errors import InvalidInputError
 from emd_planner.config import AugmentationConfig
-from emd_planner.dataset import Windows
 from emd_planner.rasterise import rasterise
+from emd_planner.sequence_tensors import Windows
 from emd_planner.unused_hands import fill_unused, miss_narrowly
 
 # Quarter turns about z and their products with the mirroring of y.
@@ -47,10 +47,6 @@ class Examples:
     manipulations: Tensor
     used: Tensor
 
-    def to(self, device: torch.device) -> Examples:
-        """Move them to another device."""
-        return Examples(self.grids.to(device), self.manipulations.to(device), self.used.to(device))
-
 
 def augment(
     windows: Windows, config: AugmentationConfig, generator: torch.Generator, height: float = 0.25
@@ -62,7 +58,7 @@ def augment(
     Args:
         windows: Examples, with the points of the cloth if some are to be turned freely.
         config: Which changes.
-        generator: On the CPU.
+        generator: On the device of the windows.
         height: Of the field of view, normalised.
 
     Raises:
@@ -76,29 +72,31 @@ def augment(
         )
     delays = [spread_idle_steps(windows.manipulations, generator)]
     delays.append(failing_steps(windows.manipulations, config.failure_probability, generator))
-    states, manipulations = (
-        torch.arange(grids.shape[1]).expand(grids.shape[:2]),
-        windows.manipulations,
-    )
+    manipulations = windows.manipulations
+    states = torch.arange(grids.shape[1], device=grids.device).expand(grids.shape[:2])
     for position in delays:
         states, manipulations = delay(states, manipulations, position)
-    rows = torch.arange(len(grids))[:, None]
+    rows = torch.arange(len(grids), device=grids.device)[:, None]
     grids = grids[rows, states]
     used = ~manipulations[..., [0, 2]].isnan()
     if points is not None:
         points = points[rows, states]
-        manipulations = miss_narrowly(grids, points, manipulations, config, generator)
-        known = points[:, 0, 0, 0].isfinite()
+        if config.near_miss_share > 0.0:
+            manipulations = miss_narrowly(grids, points, manipulations, config, generator)
     symmetries, shifts = _random_motions(len(grids), grids.shape[2], config, generator)
     grids, changed = transform(grids, manipulations, symmetries, shifts)
-    free = torch.rand(len(grids), generator=generator) < config.free_share
-    if points is not None and (free := free & known).any():
-        changed[free], grids[free] = _turn_freely(
-            manipulations[free], points[free], grids.shape[2:], height, config, generator
+    free = round(config.free_share * len(grids))  # the windows of a batch are in random order
+    if points is not None and free:
+        known = points[:free, 0, 0, 0].isfinite()
+        turned, rasterised = _turn_freely(
+            manipulations[:free], points[:free], grids.shape[2:], height, config, generator
         )
+        changed[:free] = torch.where(known[:, None, None], turned, changed[:free])
+        known = known.view(-1, 1, 1, 1, 1)
+        grids[:free] = torch.where(known, rasterised, grids[:free])
     manipulations = fill_unused(grids[:, :-1], changed, generator, config.outside_margin_voxels)
     if config.swap_grasps:
-        swap = torch.rand(manipulations.shape[:2], generator=generator) < 0.5
+        swap = _random(generator, *manipulations.shape[:2]) < 0.5
         manipulations = torch.where(
             swap[..., None], manipulations[..., [2, 3, 0, 1, 4, 5]], manipulations
         )
@@ -121,10 +119,12 @@ def transform(
         Both, in the same shapes; points wrapped into [-1, 1).
     """
     count = grids.shape[2]
-    targets = torch.cartesian_prod(torch.arange(count), torch.arange(count))
+    line = torch.arange(count, device=grids.device)
+    targets = torch.cartesian_prod(line, line)
     # Twice the distance from the middle is an integer, for odd and even counts.
     doubled = 2 * ((targets[None] - shifts[:, None]) % count) - (count - 1)
-    sources = (doubled @ symmetries + (count - 1)) // 2  # rows times A are (A^T p)^T
+    turned = doubled.float() @ symmetries.float()  # rows times A are (A^T p)^T
+    sources = (turned.round().long() + (count - 1)) // 2
     flat = sources[..., 0] * count + sources[..., 1]
     columns = grids.flatten(2, 3)
     index = flat[:, None, :, None].expand(columns.shape)
@@ -141,9 +141,9 @@ def failing_steps(manipulations: Tensor, probability: float, generator: torch.Ge
         For `delay`: shape (B,), the window's length where nothing fails.
     """
     batch, steps = manipulations.shape[:2]
-    failing = torch.rand(batch, generator=generator) < probability
+    failing = _random(generator, batch) < probability
     failing &= ~manipulations[..., :4].isnan().all(-1).any(1)
-    position = torch.randint(steps, (batch,), generator=generator)
+    position = _random_integers(generator, 0, steps, batch)
     return torch.where(failing, position, steps)
 
 
@@ -156,7 +156,7 @@ def spread_idle_steps(manipulations: Tensor, generator: torch.Generator) -> Tens
         Position of the idle step, shape (B,); the window's length where there is none.
     """
     batch, steps = manipulations.shape[:2]
-    position = torch.randint(steps, (batch,), generator=generator)
+    position = _random_integers(generator, 0, steps, batch)
     return torch.where(is_idle(manipulations[:, -1]), position, steps)
 
 
@@ -178,11 +178,11 @@ def delay(states: Tensor, manipulations: Tensor, position: Tensor) -> tuple[Tens
         position: Of the new step, shape (B,); n changes nothing.
     """
     steps = manipulations.shape[1]
-    state = torch.arange(steps + 1)[None]
+    state = torch.arange(steps + 1, device=states.device)[None]
     state = torch.where(state > position[:, None], state - 1, state)
-    step = torch.arange(steps)[None]
+    step = torch.arange(steps, device=states.device)[None]
     source = torch.where(step > position[:, None], step - 1, step)
-    rows = torch.arange(len(states))[:, None]
+    rows = torch.arange(len(states), device=states.device)[:, None]
     delayed = manipulations[rows, source]
     fails = step == position[:, None]
     delayed[..., :4] = torch.where(fails[..., None], torch.nan, delayed[..., :4])
@@ -210,13 +210,13 @@ def _turn_freely(
 ) -> tuple[Tensor, Tensor]:
     """Turn points and hands by any angle, mirror, shift by any length, and rasterise anew."""
     batch = len(points)
-    angles = 2.0 * torch.pi * torch.rand(batch, generator=generator)
+    angles = 2.0 * torch.pi * _random(generator, batch)
     cosines, sines = angles.cos(), angles.sin()
-    signs = 1.0 - 2.0 * torch.randint(2, (batch,), generator=generator) * config.mirror
+    signs = 1.0 - 2.0 * _random_integers(generator, 0, 2, batch) * config.mirror
     matrices = torch.stack([cosines, -sines * signs, sines, cosines * signs], 1).view(-1, 2, 2)
-    offsets = config.free_shift * (2.0 * torch.rand((batch, 2), generator=generator) - 1.0)
+    offsets = config.free_shift * (2.0 * _random(generator, batch, 2) - 1.0)
     xy = points[..., :2] @ matrices.mT[:, None] + offsets[:, None, None]
-    moved = torch.cat([xy, points[..., 2:]], dim=-1)
+    moved = torch.cat([xy, points[..., 2:]], dim=-1).nan_to_num()
     grids = rasterise(moved.flatten(0, 1), (size[0], size[1], size[2]), height)
     return move_vectors(manipulations, matrices, offsets), grids.unflatten(0, points.shape[:2])
 
@@ -224,8 +224,18 @@ def _turn_freely(
 def _random_motions(
     batch: int, count: int, config: AugmentationConfig, generator: torch.Generator
 ) -> tuple[Tensor, Tensor]:
-    turns = torch.randint(4, (batch,), generator=generator) * config.rotate
-    mirrored = torch.randint(2, (batch,), generator=generator) * config.mirror
+    turns = _random_integers(generator, 0, 4, batch) * config.rotate
+    mirrored = _random_integers(generator, 0, 2, batch) * config.mirror
     reach = min(config.translation_voxels, count)
-    shifts = torch.randint(-reach, reach + 1, (batch, 2), generator=generator)
-    return SYMMETRIES[turns + 4 * mirrored], shifts
+    shifts = _random_integers(generator, -reach, reach + 1, batch, 2)
+    return SYMMETRIES.to(turns.device)[turns + 4 * mirrored], shifts
+
+
+def _random(generator: torch.Generator, *shape: int) -> Tensor:
+    """Draw from [0, 1), on the generator's device."""
+    return torch.rand(shape, generator=generator, device=generator.device)
+
+
+def _random_integers(generator: torch.Generator, low: int, end: int, *shape: int) -> Tensor:
+    """Draw integers from low to before end, on the generator's device."""
+    return torch.randint(low, end, shape, generator=generator, device=generator.device)

@@ -10,23 +10,7 @@ import torch
 from numpy.typing import NDArray
 
 from emd_core.errors import InvalidInputError
-
-
-@dataclass(frozen=True)
-class Windows:
-    """Runs of successive states and the manipulations between them.
-
-    Attributes:
-        grids: Boolean, shape (B, n+1, X, Y, Z).
-        manipulations: x0 y0 x1 y1 dx dy, shape (B, n, 6), float32, normalised; a NaN point: hand
-            not used; both points and the displacement NaN: nothing was done and nothing changed.
-        points: Normalised points of the cloth that the grids were made of, shape
-            (B, n+1, V, 3), float32; NaN in windows whose points are unknown; None if all are.
-    """
-
-    grids: torch.Tensor
-    manipulations: torch.Tensor
-    points: torch.Tensor | None = None
+from emd_planner.sequence_tensors import SequenceTensors, Windows
 
 
 @dataclass(frozen=True)
@@ -125,24 +109,21 @@ class SequenceSet:
         ]
         return np.concatenate([np.zeros(0), *starts]).astype(np.int64)
 
-    def windows(self, starts: NDArray[np.int64], steps: int) -> Windows:
-        """Read windows; one that passes the end of its sequence stays at the last state.
+    @property
+    def tensors(self) -> SequenceTensors:
+        """The same as tensors, which share the memory."""
+        last_states = np.repeat(self.first_states + self.lengths, self.lengths + 1)
+        return SequenceTensors(
+            torch.from_numpy(self.packed_grids),
+            torch.from_numpy(self.manipulations),
+            torch.from_numpy(last_states),
+            self.grid_size,
+            None if self.points is None else torch.from_numpy(self.points),
+        )
 
-        Args:
-            starts: States at which the windows begin, shape (B,).
-            steps: Manipulations in a window.
-        """
-        last = self.first_states + self.lengths
-        end = last[np.searchsorted(last, starts)]
-        states = np.minimum(starts[:, None] + np.arange(steps + 1), end[:, None])
-        packed = self.packed_grids[states]
-        bits = np.unpackbits(packed, axis=-1, count=int(np.prod(self.grid_size)))
-        grids = bits.view(bool).reshape(*states.shape, *self.grid_size)
-        points = None
-        if self.points is not None:
-            points = torch.from_numpy(self.points[states].astype(np.float32))
-        manipulations = torch.from_numpy(self.manipulations[states[:, :-1]])
-        return Windows(torch.from_numpy(grids), manipulations, points)
+    def windows(self, starts: NDArray[np.int64], steps: int) -> Windows:
+        """Read windows that begin at these states (B,); see `SequenceTensors.windows`."""
+        return self.tensors.windows(torch.from_numpy(starts), steps)
 
 
 def first_states(lengths: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import nn
 
 from emd_core.errors import InvalidInputError
@@ -97,11 +97,14 @@ class Trainer:
         self.average = {n: p.detach().clone() for n, p in self.net.named_parameters()}
         self.recipe = make_recipe(self.net, config, run.group)
         self.speed = SpeedMeter(run.group.device, self.net.compute_type)
-        self.starts = self.train_set.window_starts(1, mixed=False)
-        self.mixed_starts = self.train_set.window_starts(1, mixed=True)
+        self._tensors = self.train_set.tensors.to(run.group.device)
+        self.starts, self.mixed_starts = (
+            torch.from_numpy(self.train_set.window_starts(1, mixed)).to(run.group.device)
+            for mixed in (False, True)
+        )
         self._require_examples(data)
         self.iteration, self.seconds = 0, 0.0
-        self.recent: list[float] = []
+        self.recent: list[torch.Tensor] = []
         rows = self._resume() if self.checkpoint_path.exists() else []
         self.log = TrainingLog(run.out, rows) if run.group.leads else None
 
@@ -144,7 +147,7 @@ class Trainer:
         def learn() -> None:
             losses = Losses(self.net, examples, self.config.reconstruction_weight > 0.0)
             self.recipe.step(losses, progress)
-            self.recent.append(losses.state.item())
+            self.recent.append(losses.state.detach())
 
         if self.speed.knows_work:
             learn()
@@ -159,19 +162,25 @@ class Trainer:
     def _batch(self) -> Examples:
         """Draw a batch that depends on seed, process and iteration only."""
         words = np.random.SeedSequence([self.run.seed, self.run.group.rank, self.iteration])
-        generator = torch.Generator().manual_seed(int(words.generate_state(1, np.uint32)[0]))
-        windows = self.train_set.windows(self._draw_starts(generator), self.config.rollout_steps)
-        return augment(windows, self.config.augmentation, generator).to(self.run.group.device)
+        generator = torch.Generator(self.run.group.device)
+        generator.manual_seed(int(words.generate_state(1, np.uint32)[0]))
+        windows = self._tensors.windows(self._draw_starts(generator), self.config.rollout_steps)
+        return augment(windows, self.config.augmentation, generator)
 
-    def _draw_starts(self, generator: torch.Generator) -> NDArray[np.int64]:
+    def _draw_starts(self, generator: torch.Generator) -> torch.Tensor:
         """Draw where a batch's windows begin; of those mixed in, as large a share as asked for."""
-        batch = (self.config.batch_size,)
-        starts = self.starts[torch.randint(len(self.starts), batch, generator=generator).numpy()]
+        shape, device = (self.config.batch_size,), generator.device
+
+        def draw(starts: torch.Tensor) -> torch.Tensor:
+            count = len(starts)
+            return starts[torch.randint(count, shape, generator=generator, device=device)]
+
+        starts = draw(self.starts)
         if not self.mixes:
             return starts
-        mixed = torch.randint(len(self.mixed_starts), batch, generator=generator).numpy()
-        taken = (torch.rand(batch, generator=generator) < self.run.mix_share).numpy()
-        return np.where(taken, self.mixed_starts[mixed], starts)
+        mixed = draw(self.mixed_starts)
+        taken = torch.rand(shape, generator=generator, device=device) < self.run.mix_share
+        return torch.where(taken, mixed, starts)
 
     def _require_examples(self, data: SequenceSet) -> None:
         """Complain if what was mixed in is all held out, or all there is."""
@@ -201,7 +210,7 @@ class Trainer:
             "seconds": self.seconds,
             "manipulations_per_s": steps_a_second * self.manipulations_a_step,
             "peak_share": peak_share,
-            "train_loss_s": sum(self.recent) / max(1, len(self.recent)),
+            "train_loss_s": float(torch.stack(self.recent).mean()) if self.recent else math.nan,
         }
         self.recent.clear()
         with swapped_weights(self.net, self.average):

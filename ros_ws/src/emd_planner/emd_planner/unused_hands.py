@@ -19,7 +19,7 @@ def fill_unused(
     Args:
         grids: States before the manipulations, shape (B, n, X, Y, Z).
         manipulations: Shape (B, n, 6).
-        generator: On the CPU.
+        generator: On the device of the states.
         margin_voxels: Distance kept from the silhouette, which wraps, where there is room.
 
     Returns:
@@ -29,7 +29,8 @@ def fill_unused(
     outside = random_points_outside(silhouettes(grids), generator, margin_voxels)
     points = torch.where(points.isnan(), outside, points)
     moves = manipulations[..., 4:]
-    random = 2.0 * torch.rand(moves.shape, generator=generator) - 1.0
+    random = torch.rand(moves.shape, generator=generator, device=moves.device)
+    random = 2.0 * random - 1.0
     moves = torch.where(moves.isnan(), random, moves)
     return torch.cat([points.flatten(-2), moves], dim=-1)
 
@@ -41,7 +42,7 @@ def random_points_outside(
 
     Args:
         silhouette: Boolean, shape (..., X, Y).
-        generator: On the CPU.
+        generator: On the device of the silhouette.
         margin_voxels: See `fill_unused`. A silhouette that leaves no room at that distance gets
             points that are merely outside.
 
@@ -70,7 +71,7 @@ def miss_narrowly(
             and no place can be told to be beside the cloth.
         manipulations: Shape (B, n, 6).
         config: How often, and how far from the cloth.
-        generator: On the CPU.
+        generator: On the device of the states.
 
     Returns:
         Manipulations; points for which no place was found at once stay NaN.
@@ -80,7 +81,8 @@ def miss_narrowly(
     places = _points_in_best_columns(1.0 * band, generator)
     ways = (places[..., None, :] - cloth[:, :-1, None, :, :2] + 1.0) % 2.0 - 1.0
     misses = ways.square().sum(-1).amin(-1) > config.near_miss_clearance**2
-    misses &= torch.rand(misses.shape, generator=generator) < config.near_miss_share
+    drawn = torch.rand(misses.shape, generator=generator, device=misses.device)
+    misses &= drawn < config.near_miss_share
     points = manipulations[..., :4].unflatten(-1, (2, 2))
     points = torch.where(points.isnan() & misses[..., None], places, points)
     return torch.cat([points.flatten(-2), manipulations[..., 4:]], dim=-1)
@@ -91,14 +93,16 @@ def _points_in_best_columns(score: Tensor, generator: torch.Generator) -> Tensor
 
     Args:
         score: Whole numbers, shape (..., X, Y).
-        generator: On the CPU.
+        generator: On the device of the states.
 
     Returns:
         Shape (..., 2, 2), normalised.
     """
-    shape = torch.tensor(score.shape[-2:])
+    device = score.device
+    shape = torch.tensor(score.shape[-2:], device=device)
     score = score[..., None, :, :].expand(*score.shape[:-2], 2, *score.shape[-2:])
-    best = (score + 0.9 * torch.rand(score.shape, generator=generator)).flatten(-2).argmax(-1)
+    drawn = torch.rand(score.shape, generator=generator, device=device)
+    best = (score + 0.9 * drawn).flatten(-2).argmax(-1)
     column = torch.stack([best // shape[1], best % shape[1]], dim=-1)
-    inside = torch.rand(column.shape, generator=generator)
+    inside = torch.rand(column.shape, generator=generator, device=device)
     return (column + inside) / shape * 2.0 - 1.0
