@@ -29,6 +29,7 @@ from emd_cloth_sim.presets import preset
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FieldOfView
 from emd_core.manipulation import Manipulation
+from emd_core.sequence_reader import SequenceReader
 from emd_planner.config import PLANNERS, PlannerConfig
 from emd_planner.fold_plan import FoldPlan
 from emd_planner.weights import load_net
@@ -86,7 +87,7 @@ def test_the_oracle_comes_nearer_than_doing_nothing(tasks: list[Task]) -> None:
     rivals = make_rivals(("nothing", "empty", "oracle"), None, None)
     for task in tasks:
         records = {
-            name: perform(task, name, rival, "replan", TOWEL, 0)[0]
+            name: perform(task, name, rival, "replan", TOWEL, 0).record
             for name, rival in rivals.items()
         }
         assert records["nothing"].voxel_mse == records["oracle"].idle_mse > 0.0
@@ -99,7 +100,8 @@ def test_the_net_plans_and_its_plans_are_executed(tasks: list[Task], mode: str) 
     """The search with the shipped weights moves the cloth, and its time is told."""
     task = tasks[2]
     quick = NetPlanner(load_net(), PlannerConfig(restarts=3, max_iterations=4), None)
-    record, outcome = perform(task, "ours", quick, mode, TOWEL, 0)
+    done = perform(task, "ours", quick, mode, TOWEL, 0)
+    record, outcome = done.record, done.outcome
     assert record.plan_ms > 1.0 and record.failure == ""
     assert outcome.shape == task.start.shape and np.isfinite(outcome).all()
 
@@ -109,7 +111,7 @@ def test_plans_of_arms_that_reach_half_of_the_view_stay_there(tasks: list[Task])
     config = replace(PLANNERS["ours"], restarts=2, candidates=8, max_iterations=2)
     rival = NetPlanner(load_net(), config, REACHES["half"])
     for task in tasks[:3]:
-        record, _ = perform(task, "ours", rival, "replan", TOWEL, 0, REACHES["half"])
+        record = perform(task, "ours", rival, "replan", TOWEL, 0, REACHES["half"]).record
         assert record.executable or record.failure
         assert record.figures is None or record.figures.steps == task.steps
         assert Record.from_entry(json.loads(json.dumps(record.as_entry()))) == record
@@ -131,9 +133,10 @@ def test_what_is_tried_out_comes_so_and_leaves_no_trace(tasks: list[Task]) -> No
     """The outcome is the one foreseen; who only tries has done nothing."""
     task = tasks[2]
     does, idles = _TriesFirst(True), _TriesFirst(False)
-    _, outcome = perform(task, "x", does, "open", TOWEL, 0)
+    outcome = perform(task, "x", does, "open", TOWEL, 0).outcome
     assert np.array_equal(task.grid(outcome).occupancy, does.foreseen.occupancy)
-    record, outcome = perform(task, "x", idles, "open", TOWEL, 0)
+    idle = perform(task, "x", idles, "open", TOWEL, 0)
+    record, outcome = idle.record, idle.outcome
     assert record.voxel_mse == record.idle_mse
     np.testing.assert_allclose(outcome, task.start, atol=1e-6)
 
@@ -149,10 +152,10 @@ def test_trying_plans_out_is_no_worse(tasks: list[Task], monkeypatch: pytest.Mon
 
     monkeypatch.setattr(rivals, "_outcome", counted)
     for task in tasks[:3]:
-        blind, _ = perform(task, "x", NetPlanner(net, config, None), "open", TOWEL, 0)
+        blind = perform(task, "x", NetPlanner(net, config, None), "open", TOWEL, 0).record
         assert not tried_out
         trying = NetPlanner(net, config, None, tried_out=3)
-        tried, _ = perform(task, "x", trying, "open", TOWEL, 0)
+        tried = perform(task, "x", trying, "open", TOWEL, 0).record
         assert len(tried_out) > 1
         tried_out.clear()
         assert tried.voxel_mse <= blind.voxel_mse + 1e-3
@@ -194,7 +197,7 @@ def test_neat_folds_are_tasks_in_millimetres() -> None:
     """The folds' own manipulations come within a cell of the ideal folds."""
     found = {task.name: task for task in neat_tasks(TOWEL.cloth)}
     rivals = make_rivals(("oracle",), None, None)
-    record, _ = perform(found["half"], "oracle", rivals["oracle"], "open", TOWEL, 0)
+    record = perform(found["half"], "oracle", rivals["oracle"], "open", TOWEL, 0).record
     assert record.vertex_mm < 5.0 and len(found) == 7
 
 
@@ -223,6 +226,26 @@ def test_reach_needs_an_arm_for_each_hand(points: list, move: tuple, wanted: boo
     square = np.array([[0, 0], [2, 0], [2, 1], [0, 1]], dtype=float)
     found = within_reach(Manipulation(np.array(points), np.array(move)), [square, square + [2, 0]])
     assert found is wanted
+
+
+def test_executed_plans_are_kept_as_training_data(tasks: list[Task], tmp_path: Path) -> None:
+    """What was carried out can be read as sequences: where hands were sent, and what came of it."""
+    folder = tmp_path / "kept"
+    evaluation = Evaluation(tasks[:3], ("nothing", "oracle"), "replan", TOWEL, keep=folder)
+    evaluate(evaluation, tmp_path / "journal.jsonl")
+    reader = SequenceReader([folder])
+    kept = {file.path.stem: sequence for file, sequence in zip(reader.files, reader, strict=True)}
+    assert set(kept) == {f"shard_{task.name}_oracle" for task in tasks[:3]}
+    for number, task in enumerate(tasks[:3]):
+        sequence = kept[f"shard_{task.name}_oracle"]
+        assert (len(sequence), sequence.index) == (task.steps, number)
+        wanted = [m.to_network(task.field_of_view)[4:] for m in task.recorded]
+        np.testing.assert_allclose(sequence.moves, wanted, atol=1e-5)
+        before = np.packbits(task.grid(task.start).occupancy)
+        assert np.array_equal(sequence.packed_grids[0], before)
+        goal = task.grid(task.goal).occupancy
+        after = np.unpackbits(sequence.packed_grids[-1]).reshape(goal.shape)
+        assert (after != goal).mean() < 0.5 * (task.grid(task.start).occupancy != goal).mean()
 
 
 def test_unknown_names_are_refused(tasks: list[Task]) -> None:

@@ -76,7 +76,8 @@ def test_draws_follow_the_distribution():
 def test_the_head_learns_where_cloth_was_grasped():
     """Trained on moves that equal the shift of a patch, it guesses the shift."""
     torch.manual_seed(0)
-    head = ProposalHead(2, (8, 8), 2)
+    config = SpatialNetConfig(proposals=2)
+    head = ProposalHead(2, (8, 8), config)
     optimiser = torch.optim.Adam(head.parameters(), 3e-3)
     steps, used = torch.ones(32, dtype=torch.long), torch.tensor([[True, False]]).expand(32, -1)
     for _ in range(120):

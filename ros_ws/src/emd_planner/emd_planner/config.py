@@ -100,6 +100,10 @@ class SpatialNetConfig:
         moved_width: Maps that are shifted and reflected as hands move.
         coarse_blocks: Residual blocks at the coarsest of them.
         proposals: Distributions in the mixture that guesses manipulations; 0: none.
+        proposal_widths: Maps of the part that guesses, at a half, a quarter and an eighth of the
+            grid's resolution.
+        proposal_blocks: Residual blocks of that part at each of them.
+        proposal_hidden: Values from which the mixture is read.
         output: Of the decoder: see `EmdNetConfig`.
         output_bias: Where the decoder's last bias starts: see `EmdNetConfig`.
     """
@@ -109,6 +113,9 @@ class SpatialNetConfig:
     moved_width: int = 16
     coarse_blocks: int = 2
     proposals: int = 8
+    proposal_widths: tuple[int, int, int] = (64, 96, 128)
+    proposal_blocks: int = 1
+    proposal_hidden: int = 512
     output: Literal["logistic"] = "logistic"
     output_bias: float = -3.0
 

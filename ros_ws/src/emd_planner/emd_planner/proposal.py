@@ -14,6 +14,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from emd_planner.config import SpatialNetConfig
 from emd_planner.convolution_blocks import Dense, Halve, Pointwise, Residual
 
 _LONGEST = 6  # steps to the goal that are told apart
@@ -88,21 +89,24 @@ class Proposals:
 class ProposalHead(nn.Module):
     """Convolutions over two codes side by side, down to one vector, to a mixture."""
 
-    def __init__(self, width: int, cells: tuple[int, int], components: int) -> None:
+    def __init__(self, width: int, cells: tuple[int, int], config: SpatialNetConfig) -> None:
         """Make a head for codes of `width` maps of `cells`, both multiples of 4."""
         super().__init__()
+        fine, middle, coarse = config.proposal_widths
+        blocks, components = config.proposal_blocks, config.proposals
         self.trunk = nn.Sequential(
-            Pointwise(3 * width, 64),
-            Residual(64),
-            Halve(64, 96),
-            Residual(96),
-            Halve(96, 128),
-            Residual(128),
+            Pointwise(3 * width, fine),
+            *(Residual(fine) for _ in range(blocks)),
+            Halve(fine, middle),
+            *(Residual(middle) for _ in range(blocks)),
+            Halve(middle, coarse),
+            *(Residual(coarse) for _ in range(blocks)),
             nn.ReLU(),
             nn.Flatten(),
         )
-        self.hidden = Dense(128 * (cells[0] // 4) * (cells[1] // 4) + _LONGEST, 512)
-        self.out = Dense(512, components * (2 + 2 * _VALUES))
+        seen = coarse * (cells[0] // 4) * (cells[1] // 4)
+        self.hidden = Dense(seen + _LONGEST, config.proposal_hidden)
+        self.out = Dense(config.proposal_hidden, components * (2 + 2 * _VALUES))
         with torch.no_grad():  # the parts of the mixture begin at different places
             self.out.bias.view(components, -1)[:, 2 : 2 + _VALUES].uniform_(-0.6, 0.6)
 

@@ -52,7 +52,7 @@ class SpatialEmdNet(StatePredictor):
             self.proposal: ProposalHead | None = None
             if self.config.proposals > 0:
                 cells = (x // 2, y // 2)
-                self.proposal = ProposalHead(width, cells, self.config.proposals)
+                self.proposal = ProposalHead(width, cells, self.config)
         cast(Tensor, last.bias).data.fill_(self.config.output_bias)
 
     def encode(self, grids: Tensor) -> Tensor:

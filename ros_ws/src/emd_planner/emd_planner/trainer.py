@@ -89,8 +89,9 @@ class Trainer:
             if len(held_out.window_starts(steps))
         }
         self.net = make_net(net_config, run.seed)
+        self.started_anew = []
         if run.start_from is not None:
-            self.net = load_net(run.start_from).train().requires_grad_(True)
+            self.started_anew = _take_weights(self.net, load_net(run.start_from))
         self.net.to(run.group.device)
         if config.bfloat16:
             self.net.compute_type = torch.bfloat16
@@ -261,6 +262,8 @@ class Trainer:
             "training_sequences": len(self.train_set),
             "training_manipulations": self.train_set.manipulation_count,
             "mixed_in": len(self.mixed_starts),
+            "started_from": self.run.start_from and self.run.start_from.name,
+            "started_anew": self.started_anew,
             "training": dataclasses.asdict(self.config),
             "iterations": self.iteration,
             "seconds": round(self.seconds, 1),
@@ -271,6 +274,26 @@ class Trainer:
         }
         save_net(self.net, path, provenance, self.average)
         return path
+
+
+@torch.no_grad()
+def _take_weights(net: nn.Module, other: nn.Module) -> list[str]:
+    """Copy the weights that fit; gives the names of those that begin anew.
+
+    Raises:
+        InvalidInputError: If none fits.
+    """
+    given, anew = other.state_dict(), []
+    for name, weight in net.state_dict().items():
+        if name in given and given[name].shape == weight.shape:
+            weight.copy_(given[name])
+        else:
+            anew.append(name)
+    if len(anew) == len(net.state_dict()):
+        raise InvalidInputError(
+            "none of the weights to start from fits the net; start from a net of the same kind"
+        )
+    return anew
 
 
 class swapped_weights:  # noqa: N801 - reads as a statement

@@ -77,6 +77,9 @@ def evaluate(
     ] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="default: all cores")] = None,
     seed: Annotated[int, typer.Option(min=0)] = 0,
+    keep: Annotated[
+        Path | None, typer.Option(help="folder for what was executed, as training data")
+    ] = None,
 ) -> None:
     """Let planners fold in the cloth simulation and compare the outcomes; docs/evaluation.md."""
     import os
@@ -100,7 +103,7 @@ def evaluate(
     if reach is not None and reach not in REACHES:
         raise InvalidInputError(f"--reach must be of {', '.join(REACHES)}, got {reach!r}")
     limits = None if reach is None else REACHES[reach]
-    evaluation = Evaluation(tasks, names, mode, cloth, weights, limits, seed)
+    evaluation = Evaluation(tasks, names, mode, cloth, weights, limits, seed, keep)
     count = workers or len(os.sched_getaffinity(0))
     print(evaluate_planners(evaluation, json_file, count, sys.argv[2:], console), end="")
     print(f"written: {json_file}")

@@ -72,6 +72,23 @@ class Record:
         return cls(**{**entry, "figures": figures and PlanFigures(**figures)})
 
 
+@dataclass(frozen=True)
+class Performance:
+    """What was done for a task, and what became of it.
+
+    Attributes:
+        record: How it is judged.
+        manipulations: Those that the simulation carried out, without failed ones.
+        states: Mid-surfaces before, between and after these, each (V, 3), metres.
+        outcome: Mid-surface at the end, likewise, also of what failed.
+    """
+
+    record: Record
+    manipulations: tuple[Manipulation, ...]
+    states: tuple[FloatArray, ...]
+    outcome: FloatArray
+
+
 def perform(
     task: Task,
     name: str,
@@ -80,8 +97,8 @@ def perform(
     preset: ClothPreset,
     seed: int,
     reach: ReachConfig | None = None,
-) -> tuple[Record, FloatArray]:
-    """Let a planner do a task; gives the record and the final mid-surface (V, 3), metres.
+) -> Performance:
+    """Let a planner do a task.
 
     `reach` is what `executable` is judged by; None: the cell's arms.
     """
@@ -91,6 +108,8 @@ def perform(
     spacing = max(preset.cloth.spacing)
     plan_ms, failure, executable, figures = 0.0, "", True, None
     left: tuple[Manipulation, ...] = ()
+    done: list[Manipulation] = []
+    states = [cloth.positions_in_table]
     reach = reach or ReachConfig()
     regions = [np.array(reach.left), np.array(reach.right)]
     for step in range(task.steps):
@@ -114,10 +133,14 @@ def perform(
         manipulation, left = unwrapped(left[0], cloth, task), left[1:]
         executable = executable and within_reach(manipulation, regions)
         try:
-            failure = failure or manipulate(cloth, manipulation, preset.path).diagnostics.failure
+            failed = manipulate(cloth, manipulation, preset.path).diagnostics.failure
         except SimulationError as err:
             failure = failure or str(err)
             break
+        failure = failure or failed
+        if not failed and len(done) == step:
+            done.append(manipulation)
+            states.append(cloth.positions_in_table)
     outcome = cloth.positions_in_table
     grid = task.grid(outcome)
     if name == "empty":
@@ -137,7 +160,7 @@ def perform(
         failure=failure,
         figures=figures,
     )
-    return record, outcome
+    return Performance(record, tuple(done), tuple(states), outcome)
 
 
 def _tried_out(

@@ -6,14 +6,14 @@ import hashlib
 import json
 import multiprocessing
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
 
 from emd_cell.evaluation.execution import MODES, Record, perform
+from emd_cell.evaluation.kept import as_shard
 from emd_cell.evaluation.rivals import RIVALS, SIMULATED, Rival, make_rivals
 from emd_cell.evaluation.tasks import Task
 from emd_cell.journal import Journal
@@ -38,6 +38,7 @@ class Evaluation:
         weights: Of the net; the shipped ones if None.
         reach: Where hands may go; None: anywhere.
         seed: Of all random numbers.
+        keep: Folder that gets every executed plan as training data; None: none is kept.
     """
 
     tasks: list[Task]
@@ -47,6 +48,7 @@ class Evaluation:
     weights: Path | None = None
     reach: ReachConfig | None = None
     seed: int = 0
+    keep: Path | None = None
 
     def __post_init__(self) -> None:
         """Check mode and planners.
@@ -106,6 +108,8 @@ def evaluate(
     """
     if workers < 1:
         raise InvalidInputError(f"workers must be at least 1, got {workers}")
+    if evaluation.keep is not None:
+        evaluation.keep.mkdir(parents=True, exist_ok=True)
     jobs = evaluation.jobs
     kept = Journal(journal, {"identity": evaluation.identity})
     known = {(r.task, r.planner): r for r in map(Record.from_entry, kept.records)}
@@ -130,50 +134,51 @@ def final_state(evaluation: Evaluation, record: Record) -> FloatArray:
         evaluation.preset,
         evaluation.seed,
         evaluation.reach,
-    )[1]
+    ).outcome
 
 
 def _perform_all(evaluation: Evaluation, jobs: list[Job], workers: int) -> Iterator[Record]:
-    shared: dict[str, Any] = {
-        "planners": evaluation.planners,
-        "weights": evaluation.weights,
-        "reach": evaluation.reach,
-        "preset": evaluation.preset,
-        "seed": evaluation.seed,
-    }
+    numbers = {task.name: number for number, task in enumerate(evaluation.tasks)}
+    numbered = [(numbers[job[0].name], job) for job in jobs]
+    worker = _Worker(replace(evaluation, tasks=[]))
     if workers == 1:
-        rivals = make_rivals(evaluation.planners, evaluation.weights, evaluation.reach)
-        for task, name, mode in jobs:
-            yield perform(
-                task,
-                name,
-                rivals[name],
-                mode,
-                evaluation.preset,
-                evaluation.seed,
-                evaluation.reach,
-            )[0]
+        yield from map(worker, numbered)
         return
     # A spawned worker loads the kernels itself; forking after numba has started is not safe.
-    with multiprocessing.get_context("spawn").Pool(workers, _start, (shared,)) as pool:
-        yield from pool.imap_unordered(_work, jobs)
+    with multiprocessing.get_context("spawn").Pool(workers, _start, (worker,)) as pool:
+        yield from pool.imap_unordered(_work, numbered)
 
 
-_rivals: dict[str, Rival] = {}
-_preset: ClothPreset
-_seed: int
-_reach: ReachConfig | None
+class _Worker:
+    """Does one job after the other; makes the planners at the first one."""
+
+    def __init__(self, evaluation: Evaluation) -> None:
+        self._evaluation = evaluation
+        self._rivals: dict[str, Rival] = {}
+
+    def __call__(self, numbered: tuple[int, Job]) -> Record:
+        number, (task, name, mode) = numbered
+        about = self._evaluation
+        if not self._rivals:
+            self._rivals = make_rivals(about.planners, about.weights, about.reach)
+        rival = self._rivals[name]
+        done = perform(task, name, rival, mode, about.preset, about.seed, about.reach)
+        if about.keep is not None and done.manipulations:
+            shard = as_shard(task, number, done.states, done.manipulations, about.preset)
+            shard.write(about.keep / f"shard_{task.name}_{name}.npz")
+        return done.record
 
 
-def _start(shared: dict[str, Any]) -> None:
-    """Make the planners once in each worker, on one core."""
-    global _preset, _seed, _reach
+_worker: _Worker
+
+
+def _start(worker: _Worker) -> None:
+    """Take the work of a process, on one core."""
+    global _worker
     torch.set_num_threads(1)
-    _rivals.update(make_rivals(shared["planners"], shared["weights"], shared["reach"]))
-    _preset, _seed, _reach = shared["preset"], shared["seed"], shared["reach"]
-
-
-def _work(job: Job) -> Record:
-    task, name, mode = job
     np.seterr(all="ignore")
-    return perform(task, name, _rivals[name], mode, _preset, _seed, _reach)[0]
+    _worker = worker
+
+
+def _work(numbered: tuple[int, Job]) -> Record:
+    return _worker(numbered)
