@@ -39,6 +39,11 @@ class Proposals:
     means: Tensor
     scales: Tensor
 
+    def expand(self, count: int) -> Proposals:
+        """Repeat the mixture of a single state, K as before, for `count` draws."""
+        parts = (self.weights, self.both, self.means, self.scales)
+        return Proposals(*(part.expand(count, *part.shape[1:]) for part in parts))
+
     def log_likelihood(self, manipulations: Tensor, used: Tensor) -> Tensor:
         """Log density of manipulations; hands may be given in either order.
 

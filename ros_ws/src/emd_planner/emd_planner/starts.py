@@ -122,15 +122,16 @@ def guessed_sequences(
         `count` sequences; None for a net without guesses. A hand that is not used is put at a
         random place outside the cloth.
     """
-    first = net.encode(torch.stack([initial, goal]))
-    codes, goals = (code.expand(count, *code.shape) for code in first)
+    codes, goal_code = net.encode(torch.stack([initial, goal])).split(1)
     state = initial.expand(count, *initial.shape)
     drawn, predicted = [], []
     for step in range(steps):
-        left = torch.full((count,), steps - step, device=codes.device)
-        guesses = net.propose(codes, goals, left)
+        left = torch.full((len(codes),), steps - step, device=codes.device)
+        guesses = net.propose(codes, goal_code.expand_as(codes), left)
         if guesses is None:
             return None
+        if step == 0:  # one state, many draws
+            guesses, codes = guesses.expand(count), codes.expand(count, *codes.shape[1:])
         values, both = guesses.draw(generator)
         outside = random_points_outside(silhouettes(state).cpu(), generator)[:, 1].to(values)
         values[:, 2:4] = torch.where(both[:, None], values[:, 2:4], outside)

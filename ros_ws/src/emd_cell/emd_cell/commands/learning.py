@@ -75,6 +75,21 @@ def generate(
     print(f"written: {out}")
 
 
+@app.command(name="average-weights")
+def average_weights(
+    before: Annotated[Path, typer.Argument(help="the net that training started from")],
+    after: Annotated[Path, typer.Argument(help="what it became")],
+    out: Annotated[Path, typer.Option(help="weights to write (.safetensors)")],
+    share: Annotated[float, typer.Option(help="of the second net, 0..1")] = 0.5,
+) -> None:
+    """Mix a net with the one it was trained on from; docs/training.md."""
+    from emd_planner.average_weights import average_weights as average
+
+    if kept := average(before, after, share, out):
+        print(f"taken from {before} alone, as they do not fit: {', '.join(kept)}")
+    print(f"written: {out}")
+
+
 @app.command()
 def inspect(
     directory: Annotated[Path, typer.Argument(help="a data set, or the authors' files")],
