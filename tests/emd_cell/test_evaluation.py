@@ -229,7 +229,7 @@ def test_reach_needs_an_arm_for_each_hand(points: list, move: tuple, wanted: boo
 
 
 def test_executed_plans_are_kept_as_training_data(tasks: list[Task], tmp_path: Path) -> None:
-    """What was carried out can be read as sequences: where hands were sent, and what came of it."""
+    """What was carried out can be read as sequences: where hands were sent, what came of it."""
     folder = tmp_path / "kept"
     evaluation = Evaluation(tasks[:3], ("nothing", "oracle"), "replan", TOWEL, keep=folder)
     evaluate(evaluation, tmp_path / "journal.jsonl")

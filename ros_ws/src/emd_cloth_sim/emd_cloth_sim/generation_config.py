@@ -66,6 +66,8 @@ class GenerationConfig:
             raise InvalidInputError(
                 f"start must be one of {', '.join(STARTS)}, got {self.start!r}"
             )
+        if self.rule.mode == "neat" and self.start != "flat":
+            raise InvalidInputError(f"neat folds begin flat, got start {self.start!r}")
         preset(self.preset, self.vertices)
 
     @property

@@ -20,7 +20,7 @@ from emd_core.errors import InvalidInputError
 from emd_core.frames import FieldOfView, FloatArray
 from emd_core.manipulation import Manipulation
 
-MODES = ("any", "paper", "hem", "mixed", "fold")
+MODES = ("any", "paper", "hem", "mixed", "fold", "neat")
 LONGEST = 1.4
 SHORTEST_AT_HEM = 0.1
 SECOND_HAND = 0.5
@@ -44,7 +44,8 @@ class ManipulationRule:
             the paper has it (IV-A), the displacement's x and y uniform in -1..1 normalised. `hem`:
             grasps at the silhouette's edge, displacement towards the cloth's inside. `mixed`: 70 %
             hem, 30 % any. `fold`: corners of the cloth or of its outline carried across it, half
-            of the time nearly straight. One of two hands is dropped with probability 0.5.
+            of the time nearly straight. One of two hands is dropped with probability 0.5. `neat`:
+            a sequence begins with a neat fold (`neat_sequences`) and goes on as `fold`.
         edge_only: Whether `any` and `paper` too grasp only at the silhouette's edge, as the
             paper's robot does (IV-B); the other modes always do.
         independent_hands: Whether each hand draws a displacement of its own by the same rule.
@@ -58,10 +59,12 @@ class ManipulationRule:
         """Check the mode.
 
         Raises:
-            InvalidInputError: If it is unknown.
+            InvalidInputError: If it is unknown, or neat with independent hands.
         """
         if self.mode not in MODES:
             raise InvalidInputError(f"mode must be one of {', '.join(MODES)}, got {self.mode!r}")
+        if self.mode == "neat" and self.independent_hands:
+            raise InvalidInputError("neat folds move both hands alike, got independent_hands")
 
     def draw(
         self, cloth: Cloth, field_of_view: FieldOfView, rng: np.random.Generator
@@ -76,7 +79,7 @@ class ManipulationRule:
         mode, spread = self.mode, 1.0
         if mode == "mixed":
             mode = "hem" if rng.random() < HEM_SHARE else "any"
-        if mode == "fold":
+        if mode in ("fold", "neat"):
             spread = NEAT_SPREAD if rng.random() < NEAT_SHARE else 1.0
             mode, points, ways = _grasps_to_fold(cloth, field_of_view, spread, rng)
         elif mode == "hem":

@@ -14,6 +14,7 @@ from emd_cloth_sim.cloth import Cloth
 from emd_cloth_sim.generation_config import GenerationConfig, provenance
 from emd_cloth_sim.independent_hands import IndependentManipulation
 from emd_cloth_sim.manipulate import ManipulationOutcome, manipulate
+from emd_cloth_sim.neat_sequences import astray, draw_neat_fold
 from emd_core.errors import SimulationError
 from emd_core.frames import FieldOfView
 from emd_core.manipulation import Manipulation
@@ -81,8 +82,10 @@ def simulate_sequence(config: GenerationConfig, index: int) -> SequenceShard:
     failure = _bring_to_start(cloth, config, rng)
     if not failure:
         recorder.note_state(cloth)
+        neat = draw_neat_fold(cloth.config, rng) if config.rule.mode == "neat" else []
         while not failure and len(recorder.moves) < config.steps:
-            failure = _perform(cloth, config, rng, recorder)
+            wanted = neat.pop(0) if neat else None
+            failure = _perform(cloth, config, rng, recorder, wanted)
     processors = (get_host_cpu_name(),)
     if failure:
         # Steps before the first one were not recorded; see `SequenceFailure`.
@@ -110,9 +113,13 @@ def _perform(
     config: GenerationConfig,
     rng: np.random.Generator,
     recorder: _Recorder | None,
+    wanted: Manipulation | None = None,
 ) -> str:
-    """Draw and perform one manipulation; says what failed, if anything did."""
-    drawn = config.rule.draw(cloth, FieldOfView(), rng)
+    """Draw one manipulation, or stray from a wanted one, and perform it; says what failed."""
+    if wanted is None:
+        drawn = config.rule.draw(cloth, FieldOfView(), rng)
+    else:
+        drawn = astray(wanted, cloth, FieldOfView(), rng)
     try:
         outcome = manipulate(cloth, drawn, config.material.path)
     except SimulationError as err:

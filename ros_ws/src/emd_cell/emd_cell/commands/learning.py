@@ -50,9 +50,9 @@ def generate(
     workers: Annotated[int | None, typer.Option(help="processes; default: all cores")] = None,
     seed: Annotated[int, typer.Option(help="of all sequences")] = 0,
     preset: Annotated[str, typer.Option(help="which cloth")] = "towel",
-    mode: Annotated[str, typer.Option(help="any (the authors' rule), paper, hem, mixed, fold")] = (
-        "any"
-    ),
+    mode: Annotated[
+        str, typer.Option(help="any (the authors' rule), paper, hem, mixed, fold, neat")
+    ] = "any",
     start: Annotated[str, typer.Option(help="flat, or random: a previous outcome")] = "flat",
     edge_only: Annotated[bool, typer.Option("--edge-only", help="grasp at the edge only")] = False,
     independent_hands: Annotated[
