@@ -76,7 +76,7 @@ class Served:
         self.console.lease.__init__()  # type: ignore[misc]
         self.desk.goal = self.desk.proposal = self.desk.seen = None
         self.desk.message, self.desk.failed = "", False
-        self.desk.clear_lesson()
+        self.desk.lesson.clear()
         self.state.update(
             camera=PinholeCamera(),
             transform_camera_to_table=transform_camera_to_table(
@@ -160,6 +160,32 @@ def test_teach_execute_and_review(open_page, served) -> None:
     page.screenshot("page_review")
     assert served.desk.store.all()[0].review.verdict == "accepted"
     assert [text for text in page.errors if "WebGL" not in text] == []
+
+
+def test_a_grasp_is_turned_by_its_handle_and_by_keys(open_page, served) -> None:
+    """Each turn is checked by the executor; what was asked goes into the recording."""
+    page = open_page(OPERATOR)
+    page.wait_for_picture()
+    page.press("t")
+    page.drag((190, 115), (180, 380))
+    page.page.wait_for_function("page.sections.overlay.lesson.hands.length == 1")
+    ((tail, grip),) = page.page.evaluate("page.sections.overlay.lesson.hands")
+    page.drag(tuple(tail), (grip[0] - 40, grip[1] - 40))
+    page.page.wait_for_function("page.sections.overlay.lesson.hands[0][0][0] < 175")
+    (dragged,) = served.desk.lesson.directions
+    assert dragged[0] > 0.3 and dragged[1] > 0.3
+    page.screenshot("page_grasp_turned")
+    page.press(",")
+    page.page.wait_for_function(f"page.sections.overlay.lesson.hands[0][0][1] < {grip[1] - 25}")
+    (turned,) = served.desk.lesson.directions
+    assert np.isclose(dragged @ turned, np.cos(np.deg2rad(10)))
+    page.wait_until_enabled("r")
+    page.press("r")
+    page.wait_for_message("recorded")
+    entry = served.desk.store.all()[0].entry
+    assert np.allclose(entry["planned"]["grasp_directions"][0], turned)
+    assert entry["planned"]["grasp_directions"][1] is None
+    assert served.cell.calls.count("check") == 3
 
 
 def test_history_shows_each_run_and_gives_its_report(open_page, served, tmp_path) -> None:

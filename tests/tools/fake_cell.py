@@ -73,10 +73,13 @@ class FakeCell:
         return Plan((HALF,) * steps, (goal,) * steps, 0.001, 0.002, float("nan"), 0.5)
 
     async def check(self, manipulation: Manipulation) -> Check:
-        """The arms can do anything, coming from the far side."""
+        """The arms can do anything, coming from the far side unless they are asked otherwise."""
         self._note("check")
         hands = sum(manipulation.used)
-        return Check(manipulation, ("left", "right")[:hands], np.array([[1.0, 0.0]] * hands))
+        directions = np.array([[1.0, 0.0]] * hands)
+        if (asked := manipulation.grasp_directions_in_table) is not None:
+            directions = np.where(np.isnan(asked[:hands]), directions, asked[:hands])
+        return Check(manipulation, ("left", "right")[:hands], directions)
 
     async def execute(self, manipulation: Manipulation) -> Manipulation:
         """Fold in half, at once or never."""

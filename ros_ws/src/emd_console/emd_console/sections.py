@@ -18,6 +18,7 @@ from emd_core.manipulation import Manipulation
 from emd_core.voxel_grid import VoxelGrid
 
 _CAMERA_FRAME = "camera_optical_frame"
+_HANDLE = 0.07  # metres from the grip to the handle that turns the hand
 
 
 def sections(state: CellState, desk: Desk) -> dict[str, Any]:
@@ -57,7 +58,11 @@ def overlay(now: Snapshot, desk: Desk) -> dict[str, Any]:
     result: dict[str, Any] = {
         "size": size,
         "outlines": list(now.outlines),
-        "lesson": {"grasps": desk.lesson.grasps, "release": desk.lesson.release},
+        "lesson": {
+            "grasps": desk.lesson.grasps,
+            "release": desk.lesson.release,
+            "hands": [],
+        },
         "arrows": [],
         "check": None,
     }
@@ -65,6 +70,7 @@ def overlay(now: Snapshot, desk: Desk) -> dict[str, Any]:
         shown = desk.shown.plan.manipulations if desk.shown else now.search.best
         if desk.shown or now.planning:
             result["arrows"] = [_arrows(item, projection) for item in shown]
+        result["lesson"]["hands"] = _hands(desk, projection)
         result["check"] = _check(desk, projection)
     return result
 
@@ -150,18 +156,23 @@ def _arrows(manipulation: Manipulation, projection: TableProjection) -> list[Any
     return [_pixels(projection, pair) for pair in ends]
 
 
+def _hands(desk: Desk, projection: TableProjection) -> list[Any]:
+    """Handle and grip of each hand of the lesson, in pixels; None where its way is not known."""
+    ends = [
+        None if grip is None else np.stack([grip[0] - _HANDLE * grip[1], grip[0]])
+        for grip in desk.lesson.grips(projection)
+    ]
+    return [None if pair is None else _pixels(projection, pair) for pair in ends]
+
+
 def _check(desk: Desk, projection: TableProjection) -> dict[str, Any] | None:
-    check = desk.check
+    check = desk.lesson.check
     if check is None:
         return None
     held = check.executed.grasp_points_in_table[np.array(check.executed.used)]
     return {
         "arms": list(check.arms),
         "hems": [_pixels(projection, point[None])[0] for point in held],
-        "approaches": [
-            _pixels(projection, np.stack([point - 0.06 * direction, point]))
-            for point, direction in zip(held, check.directions, strict=True)
-        ],
         "paths": [_pixels(projection, path) for path in check.carry_paths],
     }
 
