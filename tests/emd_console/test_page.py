@@ -208,6 +208,28 @@ def test_history_shows_each_run_and_gives_its_report(open_page, served, tmp_path
     assert page.errors == []
 
 
+def test_a_recorded_motion_is_replayed(open_page, served) -> None:
+    """Stepped by keys, played to its end; its size and duration stand on the review page."""
+    number = served.desk.store.add(example()).number
+    page = open_page(VIEWER, "review")
+    page.page.wait_for_selector("article.example")
+    assert "motion 2 s, bag 0." in page.page.locator(".motion").first.inner_text()
+    page.page.goto(f"{served.address}replay/{number}")
+    moment = "text => document.getElementById('moment')?.textContent.includes(text)"
+    page.page.wait_for_function(moment, arg="0.0 of 2.0 s approach")
+    page.page.keyboard.press("ArrowRight")
+    page.page.wait_for_function(moment, arg="0.1 of 2.0 s approach")
+    page.page.keyboard.press(" ")
+    page.page.wait_for_function(moment, arg="2.0 of 2.0 s home")
+    page.screenshot("page_replay")
+    with page.page.expect_download() as download:
+        page.page.get_by_text("Bag (MCAP)").click()
+    assert download.value.suggested_filename == f"example_{number:05d}.mcap"
+    page.page.goto(f"{served.address}replay/7777")
+    page.page.get_by_text("there is no example 7777").wait_for()
+    assert [text for text in page.errors if "WebGL" not in text] == []
+
+
 def test_plan_then_accept(open_page, served) -> None:
     """Nothing moves before the operator accepts, by keys alone."""
     page = open_page(OPERATOR)

@@ -233,7 +233,7 @@ class Desk:
     ) -> Fold:
         """Execute, look, record."""
         started = self.clock()
-        executed = await self.port.execute(planned)
+        execution = await self.port.execute(planned)
         after = self.seen = await self.port.capture()
         goal = proposal.goal if proposal else None
         scores = [voxel_mse(seen.grid, goal.grid) if goal else None for seen in (before, after)]
@@ -249,11 +249,12 @@ class Desk:
             before,
             after,
             planned,
-            executed,
+            execution.executed,
             kind,
             self.who,
             goal.grid if goal else None,
             details,
+            execution.motion,
         )
         stored = await asyncio.to_thread(self.store.add, example)
         title = goal.title if goal else ""

@@ -13,11 +13,11 @@ from emd_console.cell_state import CellState, Snapshot
 from emd_console.desk import Desk
 from emd_console.outcomes import plan_figures
 from emd_console.projection import TableProjection
-from emd_core.frames import FloatArray, inverse_transform
+from emd_console.robot_view import Shape
+from emd_core.frames import FloatArray
 from emd_core.manipulation import Manipulation
 from emd_core.voxel_grid import VoxelGrid
 
-_CAMERA_FRAME = "camera_optical_frame"
 _HANDLE = 0.07  # metres from the grip to the handle that turns the hand
 
 
@@ -132,19 +132,25 @@ def robot(now: Snapshot) -> dict[str, Any] | None:
     """The robot's shapes; their poses come apart."""
     if now.robot is None:
         return None
-    shapes = [[item.kind, list(item.size), item.colour] for item in now.robot.shapes]
-    return {"shapes": shapes, "table": _table(now)}
+    return {"shapes": shapes(now.robot.shapes), "table": _table(now)}
+
+
+def shapes(items: Sequence[Shape]) -> list[Any]:
+    """Kind, size and colour of each shape."""
+    return [[item.kind, list(item.size), item.colour] for item in items]
 
 
 def _table(now: Snapshot) -> list[float] | None:
-    """The table frame in the base frame, 4 x 4 row by row, through the camera that both know."""
+    """The table frame in the base frame, 4 x 4 row by row; None if it is not known."""
     if now.robot is None or now.transform_camera_to_table is None:
         return None
-    camera_to_base = now.robot.transform_to_base(_CAMERA_FRAME, now.joints)
-    if camera_to_base is None:
-        return None
-    table_to_base = camera_to_base @ inverse_transform(now.transform_camera_to_table)
-    return [round(float(value), 3) for value in table_to_base.ravel()]
+    table = now.robot.transform_table_to_base(now.joints, now.transform_camera_to_table)
+    return None if table is None else rounded(table)
+
+
+def rounded(transform: FloatArray) -> list[float]:
+    """A pose's 16 numbers, to a millimetre."""
+    return [round(float(value), 3) for value in transform.ravel()]
 
 
 def _arrows(manipulation: Manipulation, projection: TableProjection) -> list[Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from typing import Any
 
 from nicegui import ui
 
@@ -42,8 +43,13 @@ def plain_page(console: Console, session: Session, name: str) -> None:
 
     ui.timer(REFRESH, update)
     update()
-    ui.add_body_html(f"<script>window.EMD = null; window.PAGE = {json.dumps(name)}</script>")
+    add_data("PAGE", name)
     add_scripts()
+
+
+def add_data(name: str, value: Any) -> None:
+    """Hand the page's scripts something from the beginning, as `window.<name>`."""
+    ui.add_body_html(f"<script>window.{name} = {json.dumps(value)}</script>")
 
 
 def add_scripts() -> None:

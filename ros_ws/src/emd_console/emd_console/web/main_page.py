@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from typing import Any
-
 from nicegui import ui
 from nicegui.elements import scene  # noqa: F401  (puts three.js into the pages' import map)
 from starlette.requests import Request
@@ -15,7 +12,7 @@ from emd_console.sections import heights
 from emd_console.session import Session
 from emd_console.web.console import Console
 from emd_console.web.controls import guarded
-from emd_console.web.frame import REFRESH, add_scripts, page_frame
+from emd_console.web.frame import REFRESH, add_data, add_scripts, page_frame
 from emd_console.web.goal_panel import GoalPanel
 from emd_console.web.guard import ROLE, VISITOR
 from emd_console.web.sections_html import figure
@@ -106,6 +103,5 @@ def _tabs() -> None:
 def _data() -> None:
     """Hand the page what its scripts need from the beginning."""
     thumbs = {goal.name: heights(goal.grid) for goal in gallery()}
-    data: dict[str, Any] = {"gallery": thumbs}
-    ui.add_body_html(f"<script>window.EMD = {json.dumps(data)}</script>")
+    add_data("EMD", {"gallery": thumbs})
     add_scripts()

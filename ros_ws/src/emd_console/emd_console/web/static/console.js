@@ -3,6 +3,7 @@
 import { Camera } from "./camera.js";
 import { drawCurve } from "./curve.js";
 import { drawGrid, Turntable } from "./voxels.js";
+import { Replay } from "./replay.js";
 import { RobotScene } from "./robot.js";
 import { bindKeys } from "./keys.js";
 import { bindTabs, drawFolds, drawNodes, drawStatus } from "./texts.js";
@@ -102,5 +103,6 @@ bindKeys();
 if (window.EMD) {
   connect(whenThere("#folds").then(() => (window.page = new Page(window.EMD))));
 } else {
+  if (window.REPLAY) whenThere("#replay").then(() => (window.page = new Replay(window.REPLAY)));
   whenThere("#status").then(() => (document.getElementById("status").textContent = window.PAGE));
 }
