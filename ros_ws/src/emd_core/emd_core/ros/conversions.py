@@ -264,8 +264,9 @@ def rgb_from_message(message: Any) -> NDArray[np.uint8]:
         raise InvalidInputError(
             f"a colour image (rgb8, bgr8, rgba8, bgra8, bayer_*) is needed, got {message.encoding}"
         )
-    order = [2, 1, 0] if message.encoding.startswith(("bgr", "8UC3")) else [0, 1, 2]
-    return np.ascontiguousarray(image[..., order])
+    if message.encoding.startswith(("bgr", "8UC3")):
+        return np.ascontiguousarray(image[..., 2::-1])
+    return np.ascontiguousarray(image[..., :3])  # rgb8 is passed on as it is
 
 
 def camera_from_message(message: Any) -> PinholeCamera:
