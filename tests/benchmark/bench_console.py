@@ -273,9 +273,9 @@ def _first_view(page: Any, link: str, take: Callable[[], dict[int, float]]) -> d
 
 def _page_fps(page: Any) -> float:
     """Pictures a second that are drawn on the page."""
-    begun, before = time.monotonic(), page.evaluate("window.page.camera.shown")
+    begun, before = time.monotonic(), page.evaluate("window.page.camera.picture.shown")
     page.wait_for_timeout(1e3 * SECONDS)
-    shown = page.evaluate("window.page.camera.shown") - before
+    shown = page.evaluate("window.page.camera.picture.shown") - before
     return float(shown) / (time.monotonic() - begun)
 
 

@@ -278,6 +278,22 @@ def test_a_viewer_sees_everything_and_can_move_nothing(open_page, served) -> Non
     assert served.cell.calls == [] and served.desk.lesson.release is None
 
 
+def test_the_picture_is_there_before_the_framework(browser, served, open_page) -> None:
+    """Even if that never comes; once it is there, the same canvas stands in its place."""
+    context = browser.new_context(viewport=browser_page.LAPTOP)
+    page = context.new_page()
+    page.route("**/quasar.umd*", lambda route: None)  # never answered
+    page.goto(f"{served.address}?token={OPERATOR}", wait_until="commit")
+    page.wait_for_function("document.getElementById('picture-note')?.hidden")
+    assert page.locator("#stop").count() == 0
+    page.screenshot(path=browser_page.SCREENSHOTS / "page_early.png")
+    context.close()
+    whole = open_page(OPERATOR)
+    whole.page.wait_for_selector("#folds")
+    assert whole.page.locator("#early").count() == 0
+    assert whole.page.locator("#screen #picture").count() == 1
+
+
 def test_a_wrong_token_sees_nothing(open_page) -> None:
     """Not a word about the cell."""
     page = open_page("wrong-token-of-the-test")

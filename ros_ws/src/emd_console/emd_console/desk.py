@@ -76,7 +76,9 @@ class Desk:
         try:
             self.message = await task() or ""
         except CancelledError as err:
-            self.message, self.failed = f"stopped: {err}", True
+            text = str(err)
+            self.message = text if text.startswith("stopped") else f"stopped: {text}"
+            self.failed = True
         except CellError as err:
             self.message, self.failed = str(err), True
         finally:

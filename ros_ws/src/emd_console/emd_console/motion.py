@@ -61,11 +61,20 @@ class MotionLog:
             text = TYPES.types[STRING](data=phase)
             self.add(MotionMessage(PHASE, STRING, stamp, bytes(TYPES.serialize_cdr(text, STRING))))
 
+    def _seconds(self) -> float:
+        """How long the motion took, by the robot's clock."""
+        states = [item.data for item in self._messages if item.topic == JOINTS]
+        if not states:
+            return 0.0
+        first, last = (TYPES.deserialize_cdr(states[end], JOINT_STATE) for end in (0, -1))
+        return seconds_of(last) - seconds_of(first)
+
     def write(self, folder: Path) -> dict[str, Any] | None:
         """Write the bag `motion` (rosbag2, MCAP) into a folder; gives its figures.
 
         Returns:
-            seconds, bytes and messages; None, and no bag, if nothing came or it was too much.
+            seconds of the robot's clock, bytes and messages; None, and no bag, if nothing came or
+            it was too much.
         """
         if not self._messages or self._bytes > LARGEST:
             return None
@@ -76,10 +85,14 @@ class MotionLog:
             }
             for item in self._messages:
                 bag.write(connections[item.topic], item.stamp, item.data)
-        first, last = self._messages[0].stamp, self._messages[-1].stamp
         size = sum(file.stat().st_size for file in (folder / MOTION).iterdir())
         return {
-            "seconds": round((last - first) * 1e-9, 2),
+            "seconds": round(self._seconds(), 2),
             "bytes": size,
             "messages": len(self._messages),
         }
+
+
+def seconds_of(state: Any) -> float:
+    """When a joint state was measured, seconds of the robot's clock."""
+    return float(state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec)

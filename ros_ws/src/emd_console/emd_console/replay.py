@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.rosbag2 import Reader
 
-from emd_console.motion import CAMERA_POSE, DESCRIPTION, JOINTS, PHASE, TYPES
+from emd_console.motion import CAMERA_POSE, DESCRIPTION, JOINTS, PHASE, TYPES, seconds_of
 from emd_console.robot_view import RobotView, Shape
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FloatArray, transform_from_pose
@@ -59,7 +59,7 @@ def read_replay(bag: Path, rate: float = RATE) -> Replay:
             f"{len(messages[DESCRIPTION])} messages"
         )
     view = RobotView(messages[DESCRIPTION][0][1].data)
-    clock = np.array([_seconds(state) for _, state in states])
+    clock = np.array([seconds_of(state) for _, state in states])
     chosen = _thinned(clock, rate)
     joints = [_joints(states[index][1]) for index in chosen]
     received = np.array([stamp for stamp, _ in states])
@@ -86,10 +86,6 @@ def _messages(bag: Path) -> dict[str, list[tuple[int, Any]]]:
             message = TYPES.deserialize_cdr(data, connection.msgtype)
             found[connection.topic].append((stamp, message))
     return found
-
-
-def _seconds(state: Any) -> float:
-    return float(state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec)
 
 
 def _joints(state: Any) -> dict[str, float]:

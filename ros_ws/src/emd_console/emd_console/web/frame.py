@@ -14,6 +14,7 @@ from emd_console.web.controls import button, guarded, tell
 from emd_core.errors import CellError
 
 REFRESH = 0.4  # seconds
+EARLY = "early.js"  # what shows the picture before the framework has built the page
 
 
 def page_frame(console: Console, session: Session) -> Callable[[], None]:
@@ -55,6 +56,8 @@ def add_data(name: str, value: Any) -> None:
 def add_scripts() -> None:
     """Let the page run its scripts: all asked for at once, and run before the framework's."""
     for file in sorted(STATIC.glob("*.js")):
+        if file.name == EARLY:
+            continue  # stands in the page itself
         ui.add_head_html(f'<link rel="modulepreload" href="/static/{file.name}">')
     ui.add_head_html('<script type="module" src="/static/console.js"></script>')
 

@@ -51,7 +51,9 @@ class GraspTurner:
         asked = any(direction is not None for direction in lesson.directions)
         self._row.set_visibility(lesson.check is not None or asked)
         self._other.set_visibility(len(lesson.grasps) > 1)
-        self._other.text = f"Hand {self._hand + 1}"
+        arms = lesson.check.arms if lesson.check else ()
+        known = self._hand < len(arms)
+        self._other.text = f"{arms[self._hand]} hand" if known else f"hand {self._hand + 1}"
         for made in (self._other, self._left, self._right):
             made.set_enabled(free)
         self._free.set_enabled(free and asked)

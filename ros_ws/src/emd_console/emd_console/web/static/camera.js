@@ -1,4 +1,4 @@
-// The camera's picture, what is drawn on it, and what the operator draws.
+// What is drawn on the camera's picture, and what the operator draws.
 
 import { ARROW, HEM, LESSON } from "./colours.js";
 
@@ -7,8 +7,10 @@ const STEP = 8;
 const HANDLE = 18; // pixels around a handle in which it is taken
 
 export class Camera {
-  constructor() {
-    this.picture = document.getElementById("picture");
+  constructor(picture) {
+    this.picture = picture;
+    picture.moveTo(document.getElementById("picture-place"));
+    picture.onSize = (width, height) => this.resize(width, height);
     this.canvas = document.getElementById("overlay");
     this.overlay = null;
     this.drawing = null;
@@ -17,6 +19,7 @@ export class Camera {
     this.from = null;
     this.button = document.getElementById("teach");
     this.button.onclick = () => this.setTeaching(!this.teaching);
+    this.resize(picture.canvas.width, picture.canvas.height);
     this.bindPointer();
     this.canvas.addEventListener("keydown", (event) => this.onKey(event));
   }
@@ -34,18 +37,9 @@ export class Camera {
     this.draw();
   }
 
-  async show(blob) {
-    const image = await createImageBitmap(blob);
-    if (this.picture.width !== image.width || this.picture.height !== image.height) {
-      for (const canvas of [this.picture, this.canvas]) {
-        [canvas.width, canvas.height] = [image.width, image.height];
-      }
-      this.draw();
-    }
-    this.picture.getContext("2d").drawImage(image, 0, 0);
-    image.close();
-    this.shown = (this.shown ?? 0) + 1;
-    document.getElementById("picture-note").hidden = true;
+  resize(width, height) {
+    [this.canvas.width, this.canvas.height] = [width, height];
+    this.draw();
   }
 
   take(overlay) {
@@ -136,7 +130,7 @@ export class Camera {
       for (const outline of shown.outlines) line(pen, [...outline, outline[0]], HEM, 2.5);
       shown.arrows.forEach((hands, step) => hands.forEach((ends) => arrow(pen, ends, ARROW, `${step + 1}`)));
       this.drawLesson(pen, shown.lesson);
-      if (shown.check) drawCheck(pen, shown.check);
+      if (shown.check) drawCheck(pen, shown.check, shown.lesson.hands);
       this.drawHands(pen, shown.lesson.hands);
     }
     if (this.drawing) arrow(pen, this.drawing, LESSON);
@@ -206,7 +200,8 @@ function disc(pen, [x, y], colour, label) {
   pen.fillText(label, x, y + 4.5);
 }
 
-function drawCheck(pen, { arms, hems, paths }) {
+// An arm's name stands on the side of its hem that the hand does not come from.
+function drawCheck(pen, { arms, hems, paths }, hands) {
   for (const path of paths) line(pen, path, "#ffffff", 2, [6, 6]);
   hems.forEach(([x, y], index) => {
     pen.strokeStyle = "#fff";
@@ -215,10 +210,13 @@ function drawCheck(pen, { arms, hems, paths }) {
     pen.font = "bold 14px system-ui, sans-serif";
     pen.lineWidth = 3;
     pen.strokeStyle = "#000";
-    pen.textAlign = "left";
-    pen.strokeText(arms[index], x + 12, y - 10);
+    pen.textAlign = "center";
+    const [tail] = hands[index];
+    const away = Math.hypot(x - tail[0], y - tail[1]) || 1;
+    const at = [x + (32 * (x - tail[0])) / away, y + (24 * (y - tail[1])) / away + 5];
+    pen.strokeText(arms[index], ...at);
     pen.fillStyle = "#fff";
-    pen.fillText(arms[index], x + 12, y - 10);
+    pen.fillText(arms[index], ...at);
   });
 }
 
