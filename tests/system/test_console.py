@@ -154,7 +154,7 @@ def test_a_half_fold_dragged_with_the_mouse_folds_the_cloth(operator, client, re
     operator.screenshot("review")
     operator.page.get_by_text("Replay", exact=True).click()
     moment = "text => document.getElementById('moment')?.textContent.includes(text)"
-    operator.page.wait_for_function(moment, arg=" s approach")
+    operator.page.wait_for_function(moment, arg="0.0 of ")
     operator.page.evaluate("window.page.show(Math.round(0.45 * window.page.last))")
     operator.page.wait_for_function(moment, arg=" s carry")
     operator.page.wait_for_timeout(3000)
