@@ -6,7 +6,9 @@ below 0.02 rad/s. The ten viewers are sockets that take what a page takes: ten b
 more of one machine than the cell itself. What they cost is measured side by side, several times in
 turn, without a console, with one that nobody looks at, and with ten viewers: simulated seconds a
 second of the wall clock (`pace`, 1 on an idle machine), the time of one and the same plan, and the
-console's share of a core. At last memory is watched while ten viewers look, for `--minutes`.
+console's share of a core. Where other work disturbs pace and times, the last one tells more: a
+cell that fills the whole processor is slowed by `processor_share_with_viewers`. At last memory is
+watched while ten viewers look, for `--minutes`.
 """
 
 import asyncio
@@ -125,6 +127,7 @@ def _costs(rows: list[dict[str, Any]]) -> dict[str, float]:
         "plan_time_with_viewers_over_without": median(VIEWERS, "plan_s") / median(None, "plan_s"),
         "cores_with_console": median(0, "cores"),
         "cores_with_viewers": median(VIEWERS, "cores"),
+        "processor_share_with_viewers": median(VIEWERS, "cores") / (os.cpu_count() or 1),
     }
 
 
@@ -273,9 +276,9 @@ def _first_view(page: Any, link: str, take: Callable[[], dict[int, float]]) -> d
 
 def _page_fps(page: Any) -> float:
     """Pictures a second that are drawn on the page."""
-    begun, before = time.monotonic(), page.evaluate("window.page.camera.shown")
+    begun, before = time.monotonic(), page.evaluate("window.page.camera.picture.shown")
     page.wait_for_timeout(1e3 * SECONDS)
-    shown = page.evaluate("window.page.camera.shown") - before
+    shown = page.evaluate("window.page.camera.picture.shown") - before
     return float(shown) / (time.monotonic() - begun)
 
 

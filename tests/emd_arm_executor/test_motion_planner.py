@@ -149,6 +149,35 @@ def test_hands_come_from_outside_the_cloth(
     assert start[2, 3] == pytest.approx(GraspConfig().grip_height, abs=1e-4)
 
 
+@pytest.mark.parametrize("degrees", [-25.0, 20.0])
+def test_a_direction_that_was_asked_for_is_taken(
+    planner: MotionPlanner, robot: RobotModel, towel: Towel, degrees: float
+) -> None:
+    """By the hand it was asked of; the other one comes orthogonally to its hem, as usual."""
+    angle = np.deg2rad(degrees)
+    asked = np.array([[np.cos(angle), np.sin(angle)], [np.nan, np.nan]])
+    points = np.array([[-0.2, -0.1], [-0.2, 0.1]])
+    manipulation = Manipulation(points, np.array([0.4, 0.0]), asked)
+    plan = planner.plan_motion(manipulation, towel(), _rest(robot))
+    directions = [grasp.direction for grasp in plan.grasps.values()]
+    assert directions[0] == pytest.approx(asked[0])
+    assert directions[1] == pytest.approx([1.0, 0.0], abs=1e-6)
+    grasp = next(iter(plan.grasps.values()))
+    outside = grasp.at(0.03, 0.0)[:2, 3] - grasp.position_in_table[:2]
+    assert outside == pytest.approx(-0.03 * asked[0])
+
+
+def test_a_direction_out_of_the_cloth_is_refused(
+    planner: MotionPlanner, robot: RobotModel, towel: Towel
+) -> None:
+    """With the angle by which it is off, and what to do."""
+    asked = np.array([[-1.0, 0.0], [np.nan, np.nan]])
+    points = np.array([[-0.2, -0.1], [np.nan, np.nan]])
+    manipulation = Manipulation(points, np.array([0.2, 0.0]), asked)
+    with pytest.raises(NoHemError, match="off by .* degrees.*turn the direction"):
+        planner.plan_motion(manipulation, towel(), _rest(robot))
+
+
 def test_single_arm_leaves_the_other_at_rest(
     planner: MotionPlanner, robot: RobotModel, towel: Towel, task: Make
 ) -> None:

@@ -126,7 +126,7 @@ def test_a_lesson_is_checked_before_it_may_be_executed(desk, cell, store) -> Non
     asyncio.run(desk.check_lesson(PROJECTION))
     assert asyncio.run(desk.work("folding", early))
     assert cell.calls == ["capture", "check", "capture", "execute", "capture"]
-    assert store.all()[0].entry["kind"] == "taught" and desk.check is None
+    assert store.all()[0].entry["kind"] == "taught" and desk.lesson.check is None
 
 
 def test_a_lesson_out_of_reach_is_refused_with_the_executors_words(desk, cell) -> None:
@@ -136,7 +136,7 @@ def test_a_lesson_out_of_reach_is_refused_with_the_executors_words(desk, cell) -
     cell.error = OutOfReachError("too far")
     with pytest.raises(OutOfReachError):
         asyncio.run(desk.check_lesson(PROJECTION))
-    assert desk.refusal == "too far" and desk.check is None
+    assert desk.lesson.refusal == "too far" and desk.lesson.check is None
 
 
 def test_a_click_is_no_motion(desk) -> None:

@@ -11,6 +11,7 @@ from fake_cell import HALF, example, observation
 
 from emd_console.example_store import ACCEPTED, REJECTED, ExampleStore, Review, export_examples
 from emd_console.goals import neat_goal
+from emd_console.replay import read_replay
 from emd_core.errors import BusyError, InvalidInputError
 from emd_core.sequence_reader import SequenceReader
 from emd_planner.sequence_files import load_sequences
@@ -70,6 +71,18 @@ def test_the_export_holds_what_was_accepted_and_can_be_trained_on(store, tmp_pat
         export_examples(store.root, out)
 
 
+def test_the_export_takes_the_motions_along_if_asked(store, tmp_path) -> None:
+    """Each as a bag of its own; the data set beside them is read as before."""
+    number = store.add(example()).number
+    store.review(number, Review(ACCEPTED))
+    assert export_examples(store.root, tmp_path / "plain") == 1
+    assert not (tmp_path / "plain" / "motions").exists()
+    assert export_examples(store.root, tmp_path / "data", motions=True) == 1
+    bag = tmp_path / "data" / "motions" / "example_00000"
+    assert read_replay(bag).phases[1][1] == "carry"
+    assert load_sequences([tmp_path / "data"]).manipulation_count == 1
+
+
 def test_an_export_of_nothing_is_refused(store, tmp_path) -> None:
     """With the remedy."""
     store.add(example())
@@ -114,5 +127,7 @@ def test_a_killed_recorder_leaves_only_whole_examples(tmp_path) -> None:
     for stored in examples:
         (sequence,) = SequenceReader([stored.folder])
         assert sequence.grids[1].any()
+        bag = store.motion(stored.number)
+        assert bag is not None and read_replay(bag).times[-1] == pytest.approx(2.0)
         assert store.picture(stored.number, "after") is not None
     store.close()

@@ -22,6 +22,7 @@ class Visit:
             "type": kind,
             "method": change.get("method", "GET"),
             "path": change.get("path", "/"),
+            "client": change.get("client"),
             "query_string": change.get("query", "").encode(),
             "headers": [(k.encode("latin-1"), v.encode("latin-1")) for k, v in headers.items()],
         }
@@ -129,3 +130,13 @@ def test_on_this_machine_no_token_is_needed_but_the_right_name() -> None:
     here = AccessPolicy("127.0.0.1", 8765)
     assert Visit(policy=here, headers={"host": "127.0.0.1:8765"}).reached is not None
     assert Visit(policy=here, headers={"host": "evil.example:8765"}).reached is None
+
+
+@pytest.mark.parametrize(("address", "kept"), [("127.0.0.1", 0), ("192.0.2.7", 1)])
+def test_nothing_is_compressed_for_this_machine_itself(address, kept) -> None:
+    """A browser elsewhere may have it compressed."""
+    headers = {**cookie(TOKENS.viewer), "accept-encoding": "gzip"}
+    visit = Visit(headers=headers, client=(address, 50000))
+    assert visit.reached is not None
+    names = [name for name, _ in visit.reached["headers"]]
+    assert names.count(b"accept-encoding") == kept and b"cookie" in names

@@ -76,7 +76,7 @@ class Served:
         self.console.lease.__init__()  # type: ignore[misc]
         self.desk.goal = self.desk.proposal = self.desk.seen = None
         self.desk.message, self.desk.failed = "", False
-        self.desk.clear_lesson()
+        self.desk.lesson.clear()
         self.state.update(
             camera=PinholeCamera(),
             transform_camera_to_table=transform_camera_to_table(
@@ -162,6 +162,32 @@ def test_teach_execute_and_review(open_page, served) -> None:
     assert [text for text in page.errors if "WebGL" not in text] == []
 
 
+def test_a_grasp_is_turned_by_its_handle_and_by_keys(open_page, served) -> None:
+    """Each turn is checked by the executor; what was asked goes into the recording."""
+    page = open_page(OPERATOR)
+    page.wait_for_picture()
+    page.press("t")
+    page.drag((190, 115), (180, 380))
+    page.page.wait_for_function("page.sections.overlay.lesson.hands.length == 1")
+    ((tail, grip),) = page.page.evaluate("page.sections.overlay.lesson.hands")
+    page.drag(tuple(tail), (grip[0] - 40, grip[1] - 40))
+    page.page.wait_for_function("page.sections.overlay.lesson.hands[0][0][0] < 175")
+    (dragged,) = served.desk.lesson.directions
+    assert dragged[0] > 0.3 and dragged[1] > 0.3
+    page.screenshot("page_grasp_turned")
+    page.press(",")
+    page.page.wait_for_function(f"page.sections.overlay.lesson.hands[0][0][1] < {grip[1] - 25}")
+    (turned,) = served.desk.lesson.directions
+    assert np.isclose(dragged @ turned, np.cos(np.deg2rad(10)))
+    page.wait_until_enabled("r")
+    page.press("r")
+    page.wait_for_message("recorded")
+    entry = served.desk.store.all()[0].entry
+    assert np.allclose(entry["planned"]["grasp_directions"][0], turned)
+    assert entry["planned"]["grasp_directions"][1] is None
+    assert served.cell.calls.count("check") == 3
+
+
 def test_history_shows_each_run_and_gives_its_report(open_page, served, tmp_path) -> None:
     """For a viewer, too: pictures on the page, and a file to keep."""
     served.desk.store.add(example("planned"))
@@ -180,6 +206,28 @@ def test_history_shows_each_run_and_gives_its_report(open_page, served, tmp_path
     assert report.locator(".fold").count() == len(served.desk.store.all())
     report.screenshot(path=browser_page.SCREENSHOTS / "report.png", full_page=True)
     assert page.errors == []
+
+
+def test_a_recorded_motion_is_replayed(open_page, served) -> None:
+    """Stepped by keys, played to its end; its size and duration stand on the review page."""
+    number = served.desk.store.add(example()).number
+    page = open_page(VIEWER, "review")
+    page.page.wait_for_selector("article.example")
+    assert "motion 2 s, bag 0." in page.page.locator(".motion").first.inner_text()
+    page.page.goto(f"{served.address}replay/{number}")
+    moment = "text => document.getElementById('moment')?.textContent.includes(text)"
+    page.page.wait_for_function(moment, arg="0.0 of 2.0 s approach")
+    page.page.keyboard.press("ArrowRight")
+    page.page.wait_for_function(moment, arg="0.1 of 2.0 s approach")
+    page.page.keyboard.press(" ")
+    page.page.wait_for_function(moment, arg="2.0 of 2.0 s home")
+    page.screenshot("page_replay")
+    with page.page.expect_download() as download:
+        page.page.get_by_text("Bag (MCAP)").click()
+    assert download.value.suggested_filename == f"example_{number:05d}.mcap"
+    page.page.goto(f"{served.address}replay/7777")
+    page.page.get_by_text("there is no example 7777").wait_for()
+    assert [text for text in page.errors if "WebGL" not in text] == []
 
 
 def test_plan_then_accept(open_page, served) -> None:
@@ -228,6 +276,22 @@ def test_a_viewer_sees_everything_and_can_move_nothing(open_page, served) -> Non
     page.page.wait_for_timeout(500)
     page.screenshot("page_viewer")
     assert served.cell.calls == [] and served.desk.lesson.release is None
+
+
+def test_the_picture_is_there_before_the_framework(browser, served, open_page) -> None:
+    """Even if that never comes; once it is there, the same canvas stands in its place."""
+    context = browser.new_context(viewport=browser_page.LAPTOP)
+    page = context.new_page()
+    page.route("**/quasar.umd*", lambda route: None)  # never answered
+    page.goto(f"{served.address}?token={OPERATOR}", wait_until="commit")
+    page.wait_for_function("document.getElementById('picture-note')?.hidden")
+    assert page.locator("#stop").count() == 0
+    page.screenshot(path=browser_page.SCREENSHOTS / "page_early.png")
+    context.close()
+    whole = open_page(OPERATOR)
+    whole.page.wait_for_selector("#folds")
+    assert whole.page.locator("#early").count() == 0
+    assert whole.page.locator("#screen #picture").count() == 1
 
 
 def test_a_wrong_token_sees_nothing(open_page) -> None:

@@ -89,6 +89,21 @@ def test_manipulation_there_and_back_again() -> None:
     assert np.allclose(again.grasp_points_in_table, made.grasp_points_in_table, equal_nan=True)
 
 
+def test_grasp_directions_there_and_back_again() -> None:
+    """A free direction stays free, another one comes back as a unit vector; none is none."""
+    points = np.array([[0.1, -0.2], [0.1, 0.2]])
+    asked = np.array([[0.6, -0.8], [np.nan, np.nan]])
+    message = conversions.manipulation_to_message(
+        Manipulation(points, np.array([0.0, 0.3]), asked), HEADER
+    )
+    message.grasp_directions[0].x *= 5
+    message.grasp_directions[0].y *= 5
+    again = conversions.manipulation_from_message(message).grasp_directions_in_table
+    assert again is not None and np.allclose(again, asked, equal_nan=True)
+    free = conversions.manipulation_to_message(Manipulation(points, np.ones(2)), HEADER)
+    assert conversions.manipulation_from_message(free).grasp_directions_in_table is None
+
+
 @pytest.mark.parametrize(
     "message",
     [
@@ -96,6 +111,7 @@ def test_manipulation_there_and_back_again() -> None:
         ManipulationMsg(used=[False, False]),
         ManipulationMsg(used=[True, True], displacement=Vector3(x=float("inf"))),
         ManipulationMsg(header=Header(frame_id="map"), used=[True, True]),
+        ManipulationMsg(used=[True, True], grasp_directions=[Vector3(x=float("nan")), Vector3()]),
     ],
 )
 def test_manipulations_without_meaning_are_refused(message) -> None:

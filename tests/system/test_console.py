@@ -12,6 +12,7 @@ from typing import Any
 import browser_page
 import numpy as np
 import pytest
+from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 
 from emd_arm_executor.hiro.description import OBSERVE, transform_camera_to_table
@@ -22,6 +23,7 @@ from emd_cloth_sim.config import ClothConfig
 from emd_cloth_sim.neat_folds import neat_fold
 from emd_console.port import free_port
 from emd_console.projection import TableProjection
+from emd_console.replay import read_replay
 from emd_core.frames import FieldOfView, FloatArray
 from emd_core.metrics import voxel_mse
 from emd_core.pinhole_camera import PinholeCamera
@@ -150,6 +152,20 @@ def test_a_half_fold_dragged_with_the_mouse_folds_the_cloth(operator, client, re
     operator.page.wait_for_selector("article.example.accepted")
     operator.page.wait_for_timeout(800)
     operator.screenshot("review")
+    operator.page.get_by_text("Replay", exact=True).click()
+    moment = "text => document.getElementById('moment')?.textContent.includes(text)"
+    operator.page.wait_for_function(moment, arg="0.0 of ")
+    operator.page.evaluate("window.page.show(Math.round(0.45 * window.page.last))")
+    operator.page.wait_for_function(moment, arg=" s carry")
+    operator.page.wait_for_timeout(3000)
+    operator.screenshot("replay")
+    replay = read_replay(recordings / "examples/example_00000/motion")
+    assert {"approach", "grasp", "carry", "release", "retreat", "home"} <= {
+        name for _, name in replay.phases
+    }
+    with AnyReader([recordings / "examples/example_00000/motion"]) as bag:
+        topics = {item.topic for item in bag.connections}
+    assert {f"/{side}_arm_controller/joint_trajectory" for side in ("left", "right")} <= topics
     review = json.loads((recordings / "examples/example_00000/review.json").read_text())
     assert review["verdict"] == "accepted"
 

@@ -165,7 +165,9 @@ def _bad_request(address: str, token: str, rng: random.Random) -> str:
         ["/../../etc/passwd", "/static/../guard.py", "/examples/-1/before.jpg", "/%00", "//",
          "/examples/99999999999999999999/after.jpg", "/live", "/_nicegui_ws/socket.io/?EIO=9",
          "/" + "a" * 5000, "/_nicegui/client/x/upload/1", "/history/-1/report.html",
-         "/history/99999999999999999999/report.html", "/history/..%2f0/report.html"]
+         "/history/99999999999999999999/report.html", "/history/..%2f0/report.html",
+         "/replay/-1", "/replay/x",
+         "/examples/7777/replay.json", "/examples/..%2f0/motion.mcap", "/replay/9" + "9" * 30]
     )  # fmt: skip
     method = rng.choice(["GET", "POST", "PUT", "DELETE", "BREW"])
     return _raw(address, _head(address, token, f"{method} {path} HTTP/1.1").encode())

@@ -96,6 +96,9 @@ class GraspConfig:
             lowered, metres.
         yaw_deviations: Turns of the grasp direction away from the hem's normal, tried in this
             order, radians.
+        max_asked_turn: Largest angle between a grasp direction that was asked for and the hem's
+            normal, radians; less than a right corner's 45 degrees, so that a direction across one
+            of its hems does not slide along the other.
         tilts: Leanings of the hand, tried in this order, radians; positive: the fingers point
             into the cloth. 0 is vertical.
         torso_turns: Turns of the torso that are tried, in this order, when nothing can be done
@@ -116,6 +119,7 @@ class GraspConfig:
     pre_grasp_distances: tuple[float, ...] = (0.03, 0.015, 0.0)
     hover_clearance: float = 0.04
     yaw_deviations: tuple[float, ...] = (0.0, 0.35, -0.35)
+    max_asked_turn: float = 0.7
     tilts: tuple[float, ...] = (0.0, -0.15, 0.15)
     torso_turns: tuple[float, ...] = (0.25, -0.25, 0.5, -0.5)
     max_pairs: int = 12

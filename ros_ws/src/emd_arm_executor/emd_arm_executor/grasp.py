@@ -64,17 +64,26 @@ class GraspPose:
 def grasp_poses(hem: Hem, config: GraspConfig | None = None) -> Iterator[GraspPose]:
     """Yield the ways to grip one hem, those that follow the paper most closely first.
 
-    The hand is vertical and comes orthogonally to the hem; then it may lean, then turn.
+    The hand is vertical and comes orthogonally to the hem; then it may lean, then turn. It does
+    not turn away from a direction that was asked for.
     """
     config = config or GraspConfig()
-    for deviation in config.yaw_deviations:
-        cosine, sine = np.cos(deviation), np.sin(deviation)
-        direction = -np.array([[cosine, -sine], [sine, cosine]]) @ hem.outward_normal
+    for direction in _directions(hem, config):
         held = hem.point_in_table + config.insertion * direction
         position = np.array([*held, config.grip_height])
         for tilt in config.tilts:
             for flipped in (False, True):
                 yield GraspPose(hem, position, direction, tilt, flipped)
+
+
+def _directions(hem: Hem, config: GraspConfig) -> Iterator[FloatArray]:
+    """Yield horizontal unit vectors into the cloth, shape (2,)."""
+    if hem.asked_direction is not None:
+        yield hem.asked_direction
+        return
+    for deviation in config.yaw_deviations:
+        cosine, sine = np.cos(deviation), np.sin(deviation)
+        yield -np.array([[cosine, -sine], [sine, cosine]]) @ hem.outward_normal
 
 
 def displacement_keeping_crease(

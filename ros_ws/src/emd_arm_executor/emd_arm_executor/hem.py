@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,6 +27,8 @@ class Hem:
         inside: Whether that grasp point lies inside the cloth.
         edge: (outline, edge) on which the point lies.
         corner: Whether the normal is a corner's bisector.
+        asked_direction: Unit vector along which the hand shall come, shape (2,); None: along the
+            normal or, where that is impossible, near it.
     """
 
     point_in_table: FloatArray
@@ -35,6 +37,7 @@ class Hem:
     inside: bool
     edge: tuple[int, int]
     corner: bool = False
+    asked_direction: FloatArray | None = None
 
 
 def find_hems(
@@ -83,6 +86,36 @@ def find_hems(
         raise NoHemError(_explain(point, hems, inside, limit))
     corner = _corner_at(contours, near[0], config)
     return ([corner] if corner else [])[:count] + near[: count - (1 if corner else 0)]
+
+
+def facing(hems: Sequence[Hem], direction: FloatArray, max_turn: float) -> list[Hem]:
+    """Keep the hems at which a hand can come along a direction that was asked for.
+
+    Args:
+        hems: The nearest first.
+        direction: Unit vector into the cloth, shape (2,).
+        max_turn: Largest angle between it and a hem's inward normal, radians.
+
+    Returns:
+        Those hems, told the direction, in their order.
+
+    Raises:
+        NoHemError: If there is none.
+    """
+    turns = [float(np.arccos(np.clip(-hem.outward_normal @ direction, -1, 1))) for hem in hems]
+    kept = [
+        replace(hem, asked_direction=direction)
+        for hem, turn in zip(hems, turns, strict=True)
+        if turn <= max_turn
+    ]
+    if not kept:
+        least = np.rad2deg(min(turns))
+        raise NoHemError(
+            f"a hem that is grasped along ({direction[0]:.2f}, {direction[1]:.2f}) is wanted, "
+            f"within {np.rad2deg(max_turn):.0f} degrees; the {len(hems)} near the grasp point "
+            f"are off by {least:.0f} degrees or more: turn the direction, or leave it open"
+        )
+    return kept
 
 
 def _explain(point: FloatArray, hems: Sequence[Hem], inside: bool, limit: float) -> str:

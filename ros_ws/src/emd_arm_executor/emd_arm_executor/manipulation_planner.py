@@ -11,7 +11,7 @@ from emd_arm_executor.grasp import displacement_keeping_crease
 from emd_arm_executor.grip_assignment import assignments, grip_sets
 from emd_arm_executor.grip_search import GripTask
 from emd_arm_executor.hand_paths import Grip, HandPaths, hand_paths
-from emd_arm_executor.hem import Hem, find_hems
+from emd_arm_executor.hem import Hem, facing, find_hems
 from emd_arm_executor.hem_contour import HemContour
 from emd_arm_executor.joint_moves import JointMove, plan_joint_move
 from emd_arm_executor.joint_path import JointPath
@@ -63,7 +63,11 @@ class ManipulationPlanner:
         """
         used = np.array(manipulation.used)
         points = manipulation.grasp_points_in_table[used]
-        hems = [self._hems(contours, point, avoid_in_table) for point in points]
+        directions = self._asked_directions(manipulation)[used]
+        hems = [
+            self._hems(contours, point, direction, avoid_in_table)
+            for point, direction in zip(points, directions, strict=True)
+        ]
         rejected: list[CellError] = []
         task = GripTask(manipulation.displacement_in_table, silhouette, self.config)
         for searches in assignments(self.robot, points, hems, task):
@@ -78,9 +82,13 @@ class ManipulationPlanner:
         raise _refusal(rejected)
 
     def _hems(
-        self, contours: Sequence[HemContour], point: FloatArray, avoid: Sequence[FloatArray]
+        self,
+        contours: Sequence[HemContour],
+        point: FloatArray,
+        direction: FloatArray,
+        avoid: Sequence[FloatArray],
     ) -> list[Hem]:
-        """Find the hems near a point, without those where a grasp has failed."""
+        """Find the hems near a point that face a direction, NaN: any, where none has failed."""
         config = self.config.hem
         found = find_hems(contours, point, config.candidates, config)
         near = config.failed_radius
@@ -94,7 +102,15 @@ class ManipulationPlanner:
                 f"another hem near ({point[0]:.3f}, {point[1]:.3f}) m is wanted, since the grasp "
                 f"there failed; all {len(found)} are within {near:.3f} m of the failed one"
             )
-        return kept
+        if np.isnan(direction).any():
+            return kept
+        return facing(kept, direction, self.config.grasp.max_asked_turn)
+
+    @staticmethod
+    def _asked_directions(manipulation: Manipulation) -> FloatArray:
+        """One row for each grasp point; NaN where the hand's direction is free."""
+        asked = manipulation.grasp_directions_in_table
+        return np.full((2, 2), np.nan) if asked is None else asked
 
     def _complete(
         self,

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from emd_console.motion import MotionLog
 from emd_core.frames import FloatArray
 from emd_core.manipulation import Manipulation
 from emd_core.voxel_grid import VoxelGrid
@@ -77,6 +78,19 @@ class Check:
     duration: float = 0.0
 
 
+@dataclass(frozen=True)
+class Execution:
+    """What became of a manipulation that was carried out.
+
+    Attributes:
+        executed: The manipulation with the points at which the hands really grasped.
+        motion: What was heard meanwhile; None if nothing was recorded.
+    """
+
+    executed: Manipulation
+    motion: MotionLog | None = None
+
+
 class CellPort(Protocol):
     """A cell that can be asked; every answer may be a CellError instead."""
 
@@ -91,8 +105,8 @@ class CellPort(Protocol):
     async def check(self, manipulation: Manipulation) -> Check:
         """Plan the arms' motion and check it; nothing moves."""
 
-    async def execute(self, manipulation: Manipulation) -> Manipulation:
-        """Carry a manipulation out; gives it back with the points really grasped."""
+    async def execute(self, manipulation: Manipulation) -> Execution:
+        """Carry a manipulation out."""
 
     async def go_home(self) -> None:
         """Send both arms home."""

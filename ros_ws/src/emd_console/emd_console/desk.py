@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from emd_console.cell_port import CellPort, Check, Observation
+from emd_console.cell_port import CellPort, Observation
 from emd_console.example import Example
 from emd_console.example_store import ExampleStore
 from emd_console.goals import FILE, PRESENT, WHAT_IF, Goal, neat_goal
@@ -35,8 +35,6 @@ class Desk:
         proposal: The plan that waits for the operator's word.
         executing: The plan whose first manipulation is being carried out.
         lesson: What is drawn on the picture.
-        check: What the executor says of the lesson.
-        refusal: Why the executor cannot do the lesson.
         seen: The last look.
         folds: What was carried out.
         doing: What is under way, in words; empty while nothing is.
@@ -56,8 +54,6 @@ class Desk:
     proposal: Proposal | None = None
     executing: Proposal | None = None
     lesson: Lesson = field(default_factory=Lesson)
-    check: Check | None = None
-    refusal: str = ""
     seen: Observation | None = None
     folds: list[Fold] = field(default_factory=list)
     doing: str = ""
@@ -80,7 +76,9 @@ class Desk:
         try:
             self.message = await task() or ""
         except CancelledError as err:
-            self.message, self.failed = f"stopped: {err}", True
+            text = str(err)
+            self.message = text if text.startswith("stopped") else f"stopped: {text}"
+            self.failed = True
         except CellError as err:
             self.message, self.failed = str(err), True
         finally:
@@ -153,49 +151,46 @@ class Desk:
 
     async def check_lesson(self, projection: TableProjection | None) -> str:
         """Ask the executor whether the arms can do what was drawn; nothing moves."""
-        self.check, self.refusal = None, ""
+        lesson = self.lesson
+        lesson.check, lesson.refusal = None, ""
         if projection is None:
             raise InvalidInputError("the camera's calibration and pose are not known yet; wait")
-        manipulation = self.lesson.manipulation(projection)
+        manipulation = lesson.manipulation(projection)
         if self.seen is None:
             await self.look()
         try:
-            self.check = await self.port.check(manipulation)
+            lesson.check = await self.port.check(manipulation)
         except CellError as err:
-            self.refusal = str(err)
+            lesson.refusal = str(err)
             raise
-        arms = " and ".join(self.check.arms)
-        return f"the {arms} arm can do this in {self.check.duration:.0f} s; execute it?"
+        arms = " and ".join(lesson.check.arms)
+        return f"the {arms} arm can do this in {lesson.check.duration:.0f} s; execute it?"
 
     async def execute_lesson(self, projection: TableProjection | None) -> str:
         """Look, and carry out what was drawn, after it was checked."""
-        if self.check is None or projection is None:
+        if self.lesson.check is None or projection is None:
             raise InvalidInputError("draw a manipulation that the arms can do first")
         manipulation = self.lesson.manipulation(projection)
         await self.look()
         assert self.seen is not None
         fold = await self._carry_out(manipulation, "taught", self.seen, None)
-        self.clear_lesson()
+        self.lesson.clear()
         return fold.outcome
 
     async def try_lesson(self, projection: TableProjection | None) -> str:
         """Look, simulate what was drawn on a copy of the cloth, and take the outcome as goal."""
         if projection is None:
             raise InvalidInputError("the camera's calibration and pose are not known yet; wait")
-        manipulation = self.check.executed if self.check else self.lesson.manipulation(projection)
+        check = self.lesson.check
+        manipulation = check.executed if check else self.lesson.manipulation(projection)
         await self.look()
         assert self.seen is not None
         if self.pausing:
             raise CancelledError("the stop came before the simulation began")
         grid = await self.what_if.outcome(self.seen, manipulation)
         self._take_goal(Goal(WHAT_IF, "What it would become", grid))
-        self.clear_lesson()
-        return "this is where the cloth would lie; it is the goal now, plan to reach it"
-
-    def clear_lesson(self) -> None:
-        """Forget what was drawn."""
         self.lesson.clear()
-        self.check, self.refusal = None, ""
+        return "this is where the cloth would lie; it is the goal now, plan to reach it"
 
     async def go_home(self) -> str:
         """Send both arms home."""
@@ -206,7 +201,7 @@ class Desk:
         """Lay a flat cloth in the simulation and look."""
         await self.port.reset()
         self.proposal = None
-        self.clear_lesson()
+        self.lesson.clear()
         return await self.look()
 
     def stop(self) -> None:
@@ -240,7 +235,7 @@ class Desk:
     ) -> Fold:
         """Execute, look, record."""
         started = self.clock()
-        executed = await self.port.execute(planned)
+        execution = await self.port.execute(planned)
         after = self.seen = await self.port.capture()
         goal = proposal.goal if proposal else None
         scores = [voxel_mse(seen.grid, goal.grid) if goal else None for seen in (before, after)]
@@ -256,11 +251,12 @@ class Desk:
             before,
             after,
             planned,
-            executed,
+            execution.executed,
             kind,
             self.who,
             goal.grid if goal else None,
             details,
+            execution.motion,
         )
         stored = await asyncio.to_thread(self.store.add, example)
         title = goal.title if goal else ""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from emd_console.cell_port import Observation
+from emd_console.motion import MotionLog
 from emd_core.manipulation import Manipulation
 from emd_core.sequence_shard import SequenceShard
 from emd_core.voxel_grid import VoxelGrid
@@ -36,6 +37,7 @@ class Example:
         who: Who gave the command.
         goal: What it was meant to reach, or None.
         details: Further figures for the record, as JSON holds them.
+        motion: What the robot did, to be kept as a bag; None if that was not recorded.
     """
 
     before: Observation
@@ -46,6 +48,7 @@ class Example:
     who: str
     goal: VoxelGrid | None = None
     details: Mapping[str, Any] = field(default_factory=dict)
+    motion: MotionLog | None = None
 
     def write(self, folder: Path, number: int, time: str, run: str) -> None:
         """Write all files into an empty folder.
@@ -69,7 +72,9 @@ class Example:
         for moment, seen in (("before", self.before), ("after", self.after)):
             if seen.picture is not None:
                 (folder / f"{moment}.jpg").write_bytes(thumbnail(seen.picture))
-        (folder / ENTRY).write_text(json.dumps(self._entry(number, time, run), indent=1))
+        entry = self._entry(number, time, run)
+        entry["motion"] = self.motion.write(folder) if self.motion else None
+        (folder / ENTRY).write_text(json.dumps(entry, indent=1))
 
     def _shard(self, number: int) -> SequenceShard:
         """The data set of this one sequence; `docs/data_format.md` describes it."""

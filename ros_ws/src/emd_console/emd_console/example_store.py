@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from emd_console.example import ENTRY, SHARD, Example
+from emd_console.motion import MOTION
 from emd_core.errors import BusyError, InvalidInputError
 from emd_core.sequence_shard import SequenceShard
 from emd_core.whole_file import write_text
@@ -24,6 +25,7 @@ _PARTIAL = ".partial-"
 _REVIEW = "review.json"
 _LONGEST_NOTE = 500
 _PER_SHARD = 16
+_MOST = 10**9  # examples
 
 
 @dataclass(frozen=True)
@@ -143,10 +145,15 @@ class ExampleStore:
 
     def picture(self, number: int, moment: str) -> bytes | None:
         """A JPEG of `before` or `after`; None if there is none."""
-        if moment not in ("before", "after"):
+        if moment not in ("before", "after") or not 0 <= number < _MOST:
             return None
         file = _folder(self.root, number) / f"{moment}.jpg"
         return file.read_bytes() if file.is_file() else None
+
+    def motion(self, number: int) -> Path | None:
+        """The bag of a recording's motion, a folder; None if there is none."""
+        folder = _folder(self.root, number) / MOTION
+        return folder if 0 <= number < _MOST and folder.is_dir() else None
 
 
 def stored_examples(root: Path) -> list[StoredExample]:
@@ -154,8 +161,14 @@ def stored_examples(root: Path) -> list[StoredExample]:
     return [_read(root, number) for number in sorted(_numbers(root))] if root.is_dir() else []
 
 
-def export_examples(root: Path, out: Path, verdict: str = ACCEPTED) -> int:
+def export_examples(root: Path, out: Path, verdict: str = ACCEPTED, motions: bool = False) -> int:
     """Write a store's examples of one verdict as a data set, also while a console records there.
+
+    Args:
+        root: The store.
+        out: A new folder.
+        verdict: Which ones to write.
+        motions: Whether to copy the bags of their motions, too, into `out/motions`.
 
     Raises:
         InvalidInputError: If there is none, or `out` is not empty.
@@ -171,6 +184,9 @@ def export_examples(root: Path, out: Path, verdict: str = ACCEPTED) -> int:
         parts = chosen[start : start + _PER_SHARD]
         joined = SequenceShard.join([SequenceShard.read(item.folder / SHARD) for item in parts])
         joined.write(out / f"shard_{shard:05d}.npz")
+    for item in chosen if motions else ():
+        if (bag := item.folder / MOTION).is_dir():
+            shutil.copytree(bag, out / "motions" / item.folder.name)
     return len(chosen)
 
 
@@ -202,7 +218,7 @@ def _review(folder: Path) -> Review:
 
 def _flush(folder: Path) -> None:
     """Bring the files to the disk before their folder gets its name."""
-    for file in folder.iterdir():
+    for file in (path for path in folder.rglob("*") if path.is_file()):
         descriptor = os.open(file, os.O_RDONLY)
         try:
             os.fsync(descriptor)

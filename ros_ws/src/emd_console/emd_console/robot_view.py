@@ -10,8 +10,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from emd_core.errors import InvalidInputError
-from emd_core.frames import FloatArray
+from emd_core.frames import FloatArray, inverse_transform
 
+_CAMERA_FRAME = "camera_optical_frame"
 _LARGEST = 2_000_000  # characters of a description
 
 
@@ -86,6 +87,23 @@ class RobotView:
         self._pose(positions)
         pin.updateFramePlacements(self._model, self._data)
         return np.array(self._data.oMf[self._model.getFrameId(frame)].homogeneous)
+
+    def transform_table_to_base(
+        self, positions: Mapping[str, float], transform_camera_to_table: FloatArray
+    ) -> FloatArray | None:
+        """Pose of the table in the base frame, shape (4, 4), through the camera that both know.
+
+        Args:
+            positions: Of the joints by name, radians.
+            transform_camera_to_table: Of the camera's optical frame, shape (4, 4).
+
+        Returns:
+            None if the robot has no such camera.
+        """
+        camera_to_base = self.transform_to_base(_CAMERA_FRAME, positions)
+        if camera_to_base is None:
+            return None
+        return camera_to_base @ inverse_transform(transform_camera_to_table)
 
     def _pose(self, positions: Mapping[str, float]) -> None:
         configuration = pin.neutral(self._model)

@@ -13,11 +13,12 @@ from emd_console.cell_state import CellState, Snapshot
 from emd_console.desk import Desk
 from emd_console.outcomes import plan_figures
 from emd_console.projection import TableProjection
-from emd_core.frames import FloatArray, inverse_transform
+from emd_console.robot_view import Shape
+from emd_core.frames import FloatArray
 from emd_core.manipulation import Manipulation
 from emd_core.voxel_grid import VoxelGrid
 
-_CAMERA_FRAME = "camera_optical_frame"
+_HANDLE = 0.07  # metres from the grip to the handle that turns the hand
 
 
 def sections(state: CellState, desk: Desk) -> dict[str, Any]:
@@ -57,7 +58,11 @@ def overlay(now: Snapshot, desk: Desk) -> dict[str, Any]:
     result: dict[str, Any] = {
         "size": size,
         "outlines": list(now.outlines),
-        "lesson": {"grasps": desk.lesson.grasps, "release": desk.lesson.release},
+        "lesson": {
+            "grasps": desk.lesson.grasps,
+            "release": desk.lesson.release,
+            "hands": [],
+        },
         "arrows": [],
         "check": None,
     }
@@ -65,6 +70,7 @@ def overlay(now: Snapshot, desk: Desk) -> dict[str, Any]:
         shown = desk.shown.plan.manipulations if desk.shown else now.search.best
         if desk.shown or now.planning:
             result["arrows"] = [_arrows(item, projection) for item in shown]
+        result["lesson"]["hands"] = _hands(desk, projection)
         result["check"] = _check(desk, projection)
     return result
 
@@ -126,19 +132,25 @@ def robot(now: Snapshot) -> dict[str, Any] | None:
     """The robot's shapes; their poses come apart."""
     if now.robot is None:
         return None
-    shapes = [[item.kind, list(item.size), item.colour] for item in now.robot.shapes]
-    return {"shapes": shapes, "table": _table(now)}
+    return {"shapes": shapes(now.robot.shapes), "table": _table(now)}
+
+
+def shapes(items: Sequence[Shape]) -> list[Any]:
+    """Kind, size and colour of each shape."""
+    return [[item.kind, list(item.size), item.colour] for item in items]
 
 
 def _table(now: Snapshot) -> list[float] | None:
-    """The table frame in the base frame, 4 x 4 row by row, through the camera that both know."""
+    """The table frame in the base frame, 4 x 4 row by row; None if it is not known."""
     if now.robot is None or now.transform_camera_to_table is None:
         return None
-    camera_to_base = now.robot.transform_to_base(_CAMERA_FRAME, now.joints)
-    if camera_to_base is None:
-        return None
-    table_to_base = camera_to_base @ inverse_transform(now.transform_camera_to_table)
-    return [round(float(value), 3) for value in table_to_base.ravel()]
+    table = now.robot.transform_table_to_base(now.joints, now.transform_camera_to_table)
+    return None if table is None else rounded(table)
+
+
+def rounded(transform: FloatArray) -> list[float]:
+    """A pose's 16 numbers, to a millimetre."""
+    return [round(float(value), 3) for value in transform.ravel()]
 
 
 def _arrows(manipulation: Manipulation, projection: TableProjection) -> list[Any]:
@@ -150,18 +162,23 @@ def _arrows(manipulation: Manipulation, projection: TableProjection) -> list[Any
     return [_pixels(projection, pair) for pair in ends]
 
 
+def _hands(desk: Desk, projection: TableProjection) -> list[Any]:
+    """Handle and grip of each hand of the lesson, in pixels; None where its way is not known."""
+    ends = [
+        None if grip is None else np.stack([grip[0] - _HANDLE * grip[1], grip[0]])
+        for grip in desk.lesson.grips(projection)
+    ]
+    return [None if pair is None else _pixels(projection, pair) for pair in ends]
+
+
 def _check(desk: Desk, projection: TableProjection) -> dict[str, Any] | None:
-    check = desk.check
+    check = desk.lesson.check
     if check is None:
         return None
     held = check.executed.grasp_points_in_table[np.array(check.executed.used)]
     return {
         "arms": list(check.arms),
         "hems": [_pixels(projection, point[None])[0] for point in held],
-        "approaches": [
-            _pixels(projection, np.stack([point - 0.06 * direction, point]))
-            for point, direction in zip(held, check.directions, strict=True)
-        ],
         "paths": [_pixels(projection, path) for path in check.carry_paths],
     }
 

@@ -21,17 +21,20 @@ class Manipulation:
     Attributes:
         grasp_points_in_table: Shape (2, 2), metres, x and y in the table frame; NaN rows: unused.
         displacement_in_table: Shape (2,), metres, the same for both hands.
+        grasp_directions_in_table: Unit vectors along which each hand comes to the hem, shape
+            (2, 2); a NaN row, or None for both: the executor chooses.
     """
 
     grasp_points_in_table: FloatArray
     displacement_in_table: FloatArray
+    grasp_directions_in_table: FloatArray | None = None
 
     def __post_init__(self) -> None:
         """Check shapes and values.
 
         Raises:
             InvalidInputError: If a shape is wrong, the displacement or half a point is not finite,
-                or no grasp point is used.
+                or no grasp point is used, or a direction is no unit vector.
         """
         points = np.asarray(self.grasp_points_in_table, dtype=np.float64)
         displacement = np.asarray(self.displacement_in_table, dtype=np.float64)
@@ -51,6 +54,9 @@ class Manipulation:
             raise InvalidInputError("at least one grasp point must be used, got none")
         object.__setattr__(self, "grasp_points_in_table", points)
         object.__setattr__(self, "displacement_in_table", displacement)
+        if self.grasp_directions_in_table is not None:
+            directions = _directions(self.grasp_directions_in_table)
+            object.__setattr__(self, "grasp_directions_in_table", directions)
 
     @property
     def used(self) -> tuple[bool, bool]:
@@ -75,7 +81,15 @@ class Manipulation:
         return {
             "grasp_points": [point if is_used else None for point, is_used in used],
             "displacement": self.displacement_in_table.tolist(),
+            **self._directions_entry(),
         }
+
+    def _directions_entry(self) -> dict[str, Any]:
+        """Nothing where the executor may choose both."""
+        if self.grasp_directions_in_table is None:
+            return {}
+        rows = self.grasp_directions_in_table.tolist()
+        return {"grasp_directions": [None if np.isnan(row).any() else row for row in rows]}
 
     def to_network(self, field_of_view: FieldOfView) -> FloatArray:
         """Give the six normalised values x0 y0 x1 y1 dx dy; an unused point stays NaN."""
@@ -91,3 +105,18 @@ class Manipulation:
         points = in_table[:4].reshape(2, 2).copy()
         points[~np.array(used)] = np.nan
         return cls(points, in_table[4:])
+
+
+def _directions(values: FloatArray) -> FloatArray:
+    """Check directions, shape (2, 2), a NaN row for none."""
+    directions = np.asarray(values, dtype=np.float64)
+    if directions.shape != (2, 2):
+        raise InvalidInputError(f"grasp directions (2, 2) are wanted, got {directions.shape}")
+    lengths = np.linalg.norm(directions, axis=1)
+    free = np.isnan(directions).all(axis=1)
+    if not np.isclose(lengths[~free], 1.0, atol=1e-3).all():
+        raise InvalidInputError(
+            "a grasp direction must be a unit vector, or NaN where the executor may choose, got "
+            f"{directions.tolist()}"
+        )
+    return directions

@@ -13,11 +13,12 @@ from emd_msgs_py.srv import CheckManipulation
 
 
 def executed_manipulation(plan: MotionPlan) -> Manipulation:
-    """Give the manipulation with the points that the hands take at the hem."""
-    points = np.full((2, 2), np.nan)
+    """Give the manipulation with the points at the hem and the directions the hands take."""
+    points, directions = np.full((2, 2), np.nan), np.full((2, 2), np.nan)
     for row, grasp in enumerate(plan.grasps.values()):
         points[row] = grasp.held_point_in_table[:2]
-    return Manipulation(points, np.asarray(plan.displacement_in_table))
+        directions[row] = grasp.direction
+    return Manipulation(points, np.asarray(plan.displacement_in_table), directions)
 
 
 def fill_check(

@@ -97,6 +97,9 @@ def export_examples(
         "runs/console"
     ),
     verdict: Annotated[str, typer.Option(help="accepted, undecided or rejected")] = "accepted",
+    motions: Annotated[
+        bool, typer.Option("--motions", help="copy the motions' bags, too")
+    ] = False,
 ) -> None:
     """Write manipulations that the console recorded as a data set to train on."""
     from emd_console.example_store import VERDICTS, export_examples
@@ -104,7 +107,7 @@ def export_examples(
 
     if verdict not in VERDICTS:
         raise InvalidInputError(f"--verdict must be of {', '.join(VERDICTS)}, got {verdict!r}")
-    count = export_examples(directory / "examples", out, verdict)
+    count = export_examples(directory / "examples", out, verdict, motions)
     print(f"{count} manipulations written: {out}")
 
 

@@ -7,6 +7,7 @@ import sys
 import threading
 from pathlib import Path
 
+import cv2
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -79,6 +80,7 @@ def serve(node: Node) -> None:
     """Spin the node in a thread and serve the pages until Ctrl-C."""
     from emd_console.web.server import make_app, make_server
 
+    cv2.setNumThreads(1)  # for pictures of this size threads take more time than they save
     console = make_console(node)
     require_free_port(console.policy.host, console.policy.port)
     for role, link in console.links().items():

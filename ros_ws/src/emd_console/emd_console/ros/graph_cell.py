@@ -12,8 +12,9 @@ from rclpy.action import ActionClient
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from emd_console.cell_port import Check, Observation, Plan
+from emd_console.cell_port import Check, Execution, Observation, Plan
 from emd_console.ros.cell_view import EXECUTE_ACTION, PLAN_ACTION, CellView
+from emd_console.ros.motion_recorder import MotionRecorder
 from emd_core.errors import (
     CancelledError,
     CellError,
@@ -49,6 +50,7 @@ class GraphCell:
             node.create_client(CancelGoal, f"{name}/_action/cancel_goal")
             for name in (EXECUTE_ACTION, PLAN_ACTION)
         ]
+        self._recorder = MotionRecorder(node)
         self._stops = 0
 
     async def capture(self) -> Observation:
@@ -105,12 +107,16 @@ class GraphCell:
             response.duration,
         )
 
-    async def execute(self, manipulation: Manipulation) -> Manipulation:
-        """Carry a manipulation out; gives it back with the points really grasped."""
+    async def execute(self, manipulation: Manipulation) -> Execution:
+        """Carry a manipulation out, and record its motion."""
         message = conversions.manipulation_to_message(manipulation, self._header())
-        result = await self._act(self._execute, ExecuteManipulation.Goal(manipulation=message))
+        self._recorder.start()
+        try:
+            result = await self._act(self._execute, ExecuteManipulation.Goal(manipulation=message))
+        finally:
+            motion = self._recorder.finish()
         _raise_error(result)
-        return conversions.manipulation_from_message(result.executed)
+        return Execution(conversions.manipulation_from_message(result.executed), motion)
 
     async def go_home(self) -> None:
         """Send both arms home."""

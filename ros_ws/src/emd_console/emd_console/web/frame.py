@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from typing import Any
 
 from nicegui import ui
 
@@ -13,6 +14,7 @@ from emd_console.web.controls import button, guarded, tell
 from emd_core.errors import CellError
 
 REFRESH = 0.4  # seconds
+EARLY = "early.js"  # what shows the picture before the framework has built the page
 
 
 def page_frame(console: Console, session: Session) -> Callable[[], None]:
@@ -42,13 +44,20 @@ def plain_page(console: Console, session: Session, name: str) -> None:
 
     ui.timer(REFRESH, update)
     update()
-    ui.add_body_html(f"<script>window.EMD = null; window.PAGE = {json.dumps(name)}</script>")
+    add_data("PAGE", name)
     add_scripts()
+
+
+def add_data(name: str, value: Any) -> None:
+    """Hand the page's scripts something from the beginning, as `window.<name>`."""
+    ui.add_body_html(f"<script>window.{name} = {json.dumps(value)}</script>")
 
 
 def add_scripts() -> None:
     """Let the page run its scripts: all asked for at once, and run before the framework's."""
     for file in sorted(STATIC.glob("*.js")):
+        if file.name == EARLY:
+            continue  # stands in the page itself
         ui.add_head_html(f'<link rel="modulepreload" href="/static/{file.name}">')
     ui.add_head_html('<script type="module" src="/static/console.js"></script>')
 

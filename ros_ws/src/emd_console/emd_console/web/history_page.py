@@ -71,8 +71,8 @@ def _card(run: Run) -> None:
             first, last = run.examples[0], run.examples[-_PICTURES:]
             for number, moment in [(first.number, "before"), *((e.number, "after") for e in last)]:
                 ui.html(
-                    f'<img src="/examples/{number}/{moment}.jpg" loading="lazy" '
-                    f'alt="{moment} manipulation {number}">',
+                    f'<a href="/replay/{number}"><img src="/examples/{number}/{moment}.jpg" '
+                    f'loading="lazy" alt="{moment} manipulation {number}; replay it"></a>',
                     sanitize=False,
                 )
 

@@ -155,7 +155,8 @@ class LiveFeed:
         picture = self._image()
         if picture is None:
             return b""
-        good, data = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+        bgr = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)  # a view [..., ::-1] is copied slowly
+        good, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
         return data.tobytes() if good else b""
 
 

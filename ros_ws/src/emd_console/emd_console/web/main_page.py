@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from typing import Any
-
 from nicegui import ui
 from nicegui.elements import scene  # noqa: F401  (puts three.js into the pages' import map)
 from starlette.requests import Request
@@ -13,9 +10,9 @@ from emd_console.access import Role
 from emd_console.goals import gallery
 from emd_console.sections import heights
 from emd_console.session import Session
-from emd_console.web.console import Console
+from emd_console.web.console import STATIC, Console
 from emd_console.web.controls import guarded
-from emd_console.web.frame import REFRESH, add_scripts, page_frame
+from emd_console.web.frame import EARLY, REFRESH, add_data, add_scripts, page_frame
 from emd_console.web.goal_panel import GoalPanel
 from emd_console.web.guard import ROLE, VISITOR
 from emd_console.web.sections_html import figure
@@ -61,6 +58,8 @@ def _build(console: Console, session: Session) -> None:
                 work = WorkPanel(console, session)
             with ui.element("section").classes("card tabs"):
                 _tabs()
+    script = (STATIC / EARLY).read_text(encoding="utf-8")
+    ui.add_body_html(f"{_EARLY}<script>{script}</script>")
     _data()
 
     def update() -> None:
@@ -75,14 +74,13 @@ def _build(console: Console, session: Session) -> None:
 
 def _camera() -> None:
     with ui.element("div").classes("screen").props('id="screen"'):
-        ui.html('<canvas id="picture" width="640" height="480"></canvas>', sanitize=False)
+        ui.html('<div id="picture-place"></div>', sanitize=False)
         ui.html(
             '<canvas id="overlay" width="640" height="480" tabindex="0" role="application" '
             'aria-label="Camera picture. In teach mode, drag from grasp to release; or move the '
             'cross with the arrow keys and press Enter."></canvas>',
             sanitize=False,
         )
-        ui.html('<div id="picture-note">waiting for the camera</div>', sanitize=False)
 
 
 def _tabs() -> None:
@@ -106,6 +104,14 @@ def _tabs() -> None:
 def _data() -> None:
     """Hand the page what its scripts need from the beginning."""
     thumbs = {goal.name: heights(goal.grid) for goal in gallery()}
-    data: dict[str, Any] = {"gallery": thumbs}
-    ui.add_body_html(f"<script>window.EMD = {json.dumps(data)}</script>")
+    add_data("EMD", {"gallery": thumbs})
     add_scripts()
+
+
+# Where the picture is seen until the framework has built the page, laid out as it will be then.
+_EARLY = """
+<div id="early" class="board"><div class="column"><section class="card"><div class="screen">
+<canvas id="picture" width="640" height="480"></canvas>
+<div id="picture-note">waiting for the camera</div>
+</div></section></div></div>
+"""

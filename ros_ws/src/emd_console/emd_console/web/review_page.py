@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
 from nicegui import ui
 from starlette.requests import Request
@@ -65,8 +66,12 @@ class ReviewPanel:
                         f'alt="{moment} the manipulation" loading="lazy">',
                         sanitize=False,
                     )
-            ui.label(f"{example.number} · {entry['kind']} · {entry['time']}").classes("title")
+            ui.label(title_text(example)).classes("title")
             ui.label(_figures(example)).classes("hint")
+            with ui.row().classes("motion"):
+                ui.label(motion_text(entry.get("motion"))).classes("hint")
+                if entry.get("motion"):
+                    ui.link("Replay", f"/replay/{example.number}").classes("nav")
             note = ui.input("note", value=review.note).props("dense maxlength=500")
             note.on("blur", guarded(lambda *_: self._judge(example, review.verdict, note.value)))
             with ui.row().classes("verdicts"):
@@ -100,6 +105,19 @@ class ReviewPanel:
             self._store.review(number, review)
             self._session.log.write(self._session.who, "undo review", "done", example=number)
             self.show()
+
+
+def title_text(example: StoredExample) -> str:
+    """Number, kind and time of a recording."""
+    time = example.entry["time"].replace("T", " ")[:19]
+    return f"{example.number} · {example.entry['kind']} · {time} UTC"
+
+
+def motion_text(figures: dict[str, Any] | None) -> str:
+    """Say how long a recorded motion is, and how large its bag."""
+    if not figures:
+        return "no bag of the motion"
+    return f"motion {figures['seconds']:.0f} s, bag {figures['bytes'] / 1e6:.1f} MB"
 
 
 def _figures(example: StoredExample) -> str:

@@ -14,6 +14,7 @@ from emd_console.web.console import STATIC, Console
 from emd_console.web.guard import Guard
 from emd_console.web.history_page import add_history_page
 from emd_console.web.main_page import add_main_page
+from emd_console.web.replay_page import add_replay_page
 from emd_console.web.review_page import add_review_page
 
 _LARGEST_MESSAGE = 256 * 1024
@@ -30,6 +31,7 @@ def make_app(console: Console) -> FastAPI:
     add_main_page(console)
     add_review_page(console)
     add_history_page(console, app)
+    add_replay_page(console, app)
     ui.run_with(
         app,
         title=_TITLE,

@@ -7,9 +7,10 @@ from typing import Any
 from nicegui import events, ui
 
 from emd_console.session import Session
-from emd_console.teaching import pixel_from
+from emd_console.teaching import points_from
 from emd_console.web.console import Console
 from emd_console.web.controls import button, give, guarded, tell
+from emd_console.web.grasp_turner import GraspTurner
 from emd_core.errors import CellError, InvalidInputError
 
 _HINT = "Drag the cloth on the picture: from where to grasp to where to release."
@@ -35,6 +36,7 @@ class TeachPanel:
             self._execute = button(
                 "Execute taught", self._on_execute, "r", kind="unelevated"
             ).classes("accept")
+        self._grasp = GraspTurner(console, session, self._ask)
         ui.on("teach_drag", self._on_drag)
         ui.on("teach_hand", self._on_hand)
 
@@ -44,23 +46,24 @@ class TeachPanel:
         free = self._session.commands and not desk.doing
         self._clear.set_enabled(free and desk.lesson.release is not None)
         self._try.set_enabled(free and desk.lesson.release is not None)
-        self._execute.set_enabled(free and desk.check is not None)
+        self._execute.set_enabled(free and desk.lesson.check is not None)
         self._text.text = self._hint()
+        self._grasp.refresh(free)
 
     def _hint(self) -> str:
         desk = self._desk
-        if desk.refusal:
-            return f"Not possible: {desk.refusal}"
-        if desk.check is not None:
-            arms = " and ".join(desk.check.arms)
+        if desk.lesson.refusal:
+            return f"Not possible: {desk.lesson.refusal}"
+        if desk.lesson.check is not None:
+            arms = " and ".join(desk.lesson.check.arms)
             more = "" if len(desk.lesson.grasps) > 1 else " Click a point to add the other hand."
-            return f"{arms} can do this, {desk.check.duration:.0f} s.{more}"
+            return f"{arms} can do this, {desk.lesson.check.duration:.0f} s.{more}"
         if desk.lesson.release is not None:
             return "asking the arms"
         return _HINT
 
     def _on_clear(self) -> None:
-        self._session.change("clear lesson", self._desk.clear_lesson)
+        self._session.change("clear lesson", self._desk.lesson.clear)
 
     async def _on_drag(self, event: events.GenericEventArguments) -> None:
         await self._draw(event.args, "drag")
@@ -73,11 +76,14 @@ class TeachPanel:
         try:
             if self._desk.doing:
                 raise InvalidInputError(f"the cell is {self._desk.doing}; wait, or press stop")
-            points = [pixel_from(point) for point in _points(arguments)]
+            points = points_from(arguments)
             self._session.change(command, lambda: self._take(command, points), points=points)
         except CellError as err:
             tell(str(err))
             return
+        await self._ask()
+
+    async def _ask(self) -> None:
         await give(self._session, "check", "asking the arms", self._check)
 
     def _take(self, command: str, points: list[tuple[float, float]]) -> None:
@@ -106,11 +112,3 @@ class TeachPanel:
             "folding as taught",
             lambda: self._desk.execute_lesson(projection),
         )
-
-
-def _points(arguments: Any) -> list[Any]:
-    """The points that a page sent; nothing that is not a list passes."""
-    points = arguments.get("points") if isinstance(arguments, dict) else None
-    if not isinstance(points, list):
-        raise InvalidInputError("a list of points is wanted")
-    return points

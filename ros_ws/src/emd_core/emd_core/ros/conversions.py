@@ -145,19 +145,24 @@ def _unknown_columns(
 
 
 def manipulation_to_message(manipulation: Manipulation, message_header: Header) -> ManipulationMsg:
-    """Convert a manipulation; unused points become 0 with `used` false."""
+    """Convert a manipulation; unused points become 0 with `used` false, free directions 0."""
     points = np.nan_to_num(manipulation.grasp_points_in_table)
+    asked = manipulation.grasp_directions_in_table
+    directions = np.zeros((2, 2)) if asked is None else np.nan_to_num(asked)
     dx, dy = manipulation.displacement_in_table.tolist()
     return ManipulationMsg(
         header=message_header,
         grasp_points=[Point(x=float(x), y=float(y)) for x, y in points],
         used=list(manipulation.used),
         displacement=Vector3(x=dx, y=dy),
+        grasp_directions=[Vector3(x=float(x), y=float(y)) for x, y in directions],
     )
 
 
 def manipulation_from_message(message: ManipulationMsg) -> Manipulation:
     """Read a manipulation.
+
+    A grasp direction may have any length; it is given back as a unit vector.
 
     Raises:
         InvalidInputError: If it is not in the table frame, nothing is used, or a value is NaN.
@@ -174,7 +179,22 @@ def manipulation_from_message(message: ManipulationMsg) -> Manipulation:
             "mark a point that is not wanted with used = false"
         )
     points[~used] = np.nan
-    return Manipulation(points, np.array([message.displacement.x, message.displacement.y]))
+    displacement = np.array([message.displacement.x, message.displacement.y])
+    return Manipulation(points, displacement, _directions(message))
+
+
+def _directions(message: ManipulationMsg) -> FloatArray | None:
+    """Unit vectors, NaN where a direction has no length; None where both have none."""
+    values = np.array([[item.x, item.y] for item in message.grasp_directions])
+    if not values.any():
+        return None
+    if not np.isfinite(values).all():
+        raise InvalidInputError(
+            f"grasp directions must be finite, got {values.tolist()}; zero lets the executor "
+            "choose"
+        )
+    lengths = np.linalg.norm(values, axis=1, keepdims=True)
+    return np.where(lengths > 0, values / np.where(lengths > 0, lengths, 1.0), np.nan)
 
 
 def image_to_message(image: NDArray[Any], encoding: str, message_header: Header) -> Image:
@@ -244,8 +264,9 @@ def rgb_from_message(message: Any) -> NDArray[np.uint8]:
         raise InvalidInputError(
             f"a colour image (rgb8, bgr8, rgba8, bgra8, bayer_*) is needed, got {message.encoding}"
         )
-    order = [2, 1, 0] if message.encoding.startswith(("bgr", "8UC3")) else [0, 1, 2]
-    return np.ascontiguousarray(image[..., order])
+    if message.encoding.startswith(("bgr", "8UC3")):
+        return np.ascontiguousarray(image[..., 2::-1])
+    return np.ascontiguousarray(image[..., :3])  # rgb8 is passed on as it is
 
 
 def camera_from_message(message: Any) -> PinholeCamera:

@@ -1,20 +1,25 @@
-// The camera's picture, what is drawn on it, and what the operator draws.
+// What is drawn on the camera's picture, and what the operator draws.
 
 import { ARROW, HEM, LESSON } from "./colours.js";
 
 const CLICK = 6; // pixels; a shorter drag is a click
 const STEP = 8;
+const HANDLE = 18; // pixels around a handle in which it is taken
 
 export class Camera {
-  constructor() {
-    this.picture = document.getElementById("picture");
+  constructor(picture) {
+    this.picture = picture;
+    picture.moveTo(document.getElementById("picture-place"));
+    picture.onSize = (width, height) => this.resize(width, height);
     this.canvas = document.getElementById("overlay");
     this.overlay = null;
     this.drawing = null;
+    this.turning = null;
     this.cross = null;
     this.from = null;
     this.button = document.getElementById("teach");
     this.button.onclick = () => this.setTeaching(!this.teaching);
+    this.resize(picture.canvas.width, picture.canvas.height);
     this.bindPointer();
     this.canvas.addEventListener("keydown", (event) => this.onKey(event));
   }
@@ -32,18 +37,9 @@ export class Camera {
     this.draw();
   }
 
-  async show(blob) {
-    const image = await createImageBitmap(blob);
-    if (this.picture.width !== image.width || this.picture.height !== image.height) {
-      for (const canvas of [this.picture, this.canvas]) {
-        [canvas.width, canvas.height] = [image.width, image.height];
-      }
-      this.draw();
-    }
-    this.picture.getContext("2d").drawImage(image, 0, 0);
-    image.close();
-    this.shown = (this.shown ?? 0) + 1;
-    document.getElementById("picture-note").hidden = true;
+  resize(width, height) {
+    [this.canvas.width, this.canvas.height] = [width, height];
+    this.draw();
   }
 
   take(overlay) {
@@ -63,19 +59,29 @@ export class Camera {
     canvas.onpointerdown = (event) => {
       if (!this.teaching || event.button) return;
       canvas.setPointerCapture(event.pointerId);
-      this.drawing = [this.at(event), this.at(event)];
+      const hand = this.handleAt(this.at(event));
+      if (hand >= 0) this.turning = { hand, to: this.at(event) };
+      else this.drawing = [this.at(event), this.at(event)];
     };
     canvas.onpointermove = (event) => {
-      if (!this.drawing) return;
-      this.drawing[1] = this.at(event);
+      if (this.turning) this.turning.to = this.at(event);
+      else if (this.drawing) this.drawing[1] = this.at(event);
+      else return;
       this.draw();
     };
     canvas.onpointerup = () => {
-      const drawn = this.drawing;
-      this.drawing = null;
+      const [drawn, turned] = [this.drawing, this.turning];
+      this.drawing = this.turning = null;
       if (drawn) this.send(...drawn);
+      if (turned) emitEvent("teach_turn", { hand: turned.hand, points: [turned.to] });
     };
-    canvas.onpointercancel = () => (this.drawing = null);
+    canvas.onpointercancel = () => (this.drawing = this.turning = null);
+  }
+
+  // The hand whose handle is at a point, or -1.
+  handleAt([x, y]) {
+    const hands = this.overlay?.lesson.hands ?? [];
+    return hands.findIndex((ends) => ends && Math.hypot(ends[0][0] - x, ends[0][1] - y) < HANDLE);
   }
 
   send(from, to) {
@@ -124,11 +130,22 @@ export class Camera {
       for (const outline of shown.outlines) line(pen, [...outline, outline[0]], HEM, 2.5);
       shown.arrows.forEach((hands, step) => hands.forEach((ends) => arrow(pen, ends, ARROW, `${step + 1}`)));
       this.drawLesson(pen, shown.lesson);
-      if (shown.check) drawCheck(pen, shown.check);
+      if (shown.check) drawCheck(pen, shown.check, shown.lesson.hands);
+      this.drawHands(pen, shown.lesson.hands);
     }
     if (this.drawing) arrow(pen, this.drawing, LESSON);
     if (this.from) arrow(pen, [this.from, this.cross], LESSON);
     if (this.cross) drawCross(pen, this.cross);
+  }
+
+  // Whence each hand comes; the handle at the tail turns it.
+  drawHands(pen, hands) {
+    hands.forEach((ends, hand) => {
+      if (!ends) return;
+      const tail = this.turning?.hand === hand ? this.turning.to : ends[0];
+      arrow(pen, [tail, ends[1]], HEM);
+      if (this.teaching) handle(pen, tail);
+    });
   }
 
   drawLesson(pen, { grasps, release }) {
@@ -136,6 +153,16 @@ export class Camera {
     const move = [release[0] - grasps[0][0], release[1] - grasps[0][1]];
     for (const [x, y] of grasps) arrow(pen, [[x, y], [x + move[0], y + move[1]]], LESSON);
   }
+}
+
+function handle(pen, [x, y]) {
+  pen.beginPath();
+  pen.arc(x, y, 8, 0, 2 * Math.PI);
+  pen.fillStyle = "#fff";
+  pen.fill();
+  pen.strokeStyle = HEM;
+  pen.lineWidth = 4;
+  pen.stroke();
 }
 
 function line(pen, points, colour, width, dash = []) {
@@ -173,9 +200,9 @@ function disc(pen, [x, y], colour, label) {
   pen.fillText(label, x, y + 4.5);
 }
 
-function drawCheck(pen, { arms, hems, approaches, paths }) {
+// An arm's name stands on the side of its hem that the hand does not come from.
+function drawCheck(pen, { arms, hems, paths }, hands) {
   for (const path of paths) line(pen, path, "#ffffff", 2, [6, 6]);
-  for (const approach of approaches) arrow(pen, approach, HEM);
   hems.forEach(([x, y], index) => {
     pen.strokeStyle = "#fff";
     pen.lineWidth = 2.5;
@@ -183,10 +210,13 @@ function drawCheck(pen, { arms, hems, approaches, paths }) {
     pen.font = "bold 14px system-ui, sans-serif";
     pen.lineWidth = 3;
     pen.strokeStyle = "#000";
-    pen.textAlign = "left";
-    pen.strokeText(arms[index], x + 12, y - 10);
+    pen.textAlign = "center";
+    const [tail] = hands[index];
+    const away = Math.hypot(x - tail[0], y - tail[1]) || 1;
+    const at = [x + (32 * (x - tail[0])) / away, y + (24 * (y - tail[1])) / away + 5];
+    pen.strokeText(arms[index], ...at);
     pen.fillStyle = "#fff";
-    pen.fillText(arms[index], x + 12, y - 10);
+    pen.fillText(arms[index], ...at);
   });
 }
 

@@ -1,20 +1,19 @@
-// The page's live side: one socket, whose pictures and sections are handed to who draws them.
+// The page's live side: what the socket of early.js brings is handed to who draws it.
 
 import { Camera } from "./camera.js";
 import { drawCurve } from "./curve.js";
 import { drawGrid, Turntable } from "./voxels.js";
+import { Replay } from "./replay.js";
 import { RobotScene } from "./robot.js";
 import { bindKeys } from "./keys.js";
 import { bindTabs, drawFolds, drawNodes, drawStatus } from "./texts.js";
 
-const PICTURE = 1;
-const POSES = 2;
 const NO_CAMERA = 3000; // milliseconds after which the robot is drawn without a picture
 
 class Page {
-  constructor(data) {
+  constructor(data, picture) {
     this.sections = {};
-    this.camera = new Camera();
+    this.camera = new Camera(picture);
     this.robot = new RobotScene();
     this.turn = new Turntable(["now", "predicted", "goal"], () => this.drawGrids());
     for (const [name, heights] of Object.entries(data.gallery)) {
@@ -25,6 +24,10 @@ class Page {
     new ResizeObserver(() => this.redraw()).observe(document.body);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.redraw());
     new MutationObserver(() => this.redraw()).observe(document.body, { attributeFilter: ["class"] });
+  }
+
+  lost() {
+    drawStatus({ lost: true });
   }
 
   take(name, value) {
@@ -61,33 +64,6 @@ class Page {
   }
 }
 
-// The socket is opened before the framework has built the page; what comes meanwhile waits.
-function connect(built) {
-  const scheme = location.protocol === "https:" ? "wss" : "ws";
-  const socket = new WebSocket(`${scheme}://${location.host}/live`);
-  socket.binaryType = "blob";
-  socket.onmessage = async (event) => {
-    const page = await built;
-    if (typeof event.data === "string") {
-      for (const [name, value] of Object.entries(JSON.parse(event.data))) page.take(name, value);
-      return;
-    }
-    const kind = new Uint8Array(await event.data.slice(0, 1).arrayBuffer())[0];
-    if (kind === POSES) {
-      page.robot.pose(new Float32Array(await event.data.slice(1).arrayBuffer()));
-    } else if (kind === PICTURE) {
-      await page.camera.show(event.data.slice(1, event.data.size, "image/jpeg"));
-      if (socket.readyState === WebSocket.OPEN) socket.send("next");
-      page.robot.begin();
-    }
-  };
-  socket.onclose = async () => {
-    await built;
-    drawStatus({ lost: true });
-    setTimeout(() => connect(built), 1000);
-  };
-}
-
 // Gives a promise of an element that the framework will build.
 function whenThere(selector) {
   return new Promise((resolve) => {
@@ -100,7 +76,8 @@ function whenThere(selector) {
 
 bindKeys();
 if (window.EMD) {
-  connect(whenThere("#folds").then(() => (window.page = new Page(window.EMD))));
+  whenThere("#folds").then(() => live.attach((window.page = new Page(window.EMD, live.picture))));
 } else {
+  if (window.REPLAY) whenThere("#replay").then(() => (window.page = new Replay(window.REPLAY)));
   whenThere("#status").then(() => (document.getElementById("status").textContent = window.PAGE));
 }

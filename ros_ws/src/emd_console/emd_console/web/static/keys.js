@@ -3,7 +3,7 @@
 export function bindKeys() {
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
-    const typing = event.target.closest?.("input, textarea");
+    const typing = event.target.closest?.("input:not([type=range]), textarea");
     if (typing && event.key !== "Escape") return;
     if (event.key === " " && event.target.closest?.("button")) return;
     const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
