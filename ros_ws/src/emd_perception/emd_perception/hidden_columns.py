@@ -6,11 +6,14 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from emd_core.frames import FieldOfView, FloatArray
+from emd_core.frames import FieldOfView, FloatArray, transform_points
 from emd_core.pinhole_camera import PinholeCamera
 from emd_perception.config import VoxelConfig
-from emd_perception.image_types import Mask
+from emd_perception.image_types import FloatImage, Mask
+from emd_perception.mask_morphology import bounding_window
 from emd_perception.unprojection import ray_parts
+
+_HIDDEN, _SEEN = 1, 2  # kinds of pixels; 0: table that is seen
 
 
 def hidden_columns(
@@ -39,38 +42,73 @@ def hidden_columns(
         Shape (X, Y).
     """
     settings = config or VoxelConfig()
-    shape = field_of_view.size[:2]
-    counts = np.zeros((3, *shape), dtype=np.int64)
+    counts = np.zeros((3, *field_of_view.size[:2]), dtype=np.int64)
     if hiding.any():
-        of_column, of_row = ray_parts(transform_camera_to_table[:3, :3], camera)
-        resolution = field_of_view.resolution[:2].copy()
-        origin = transform_camera_to_table[:3, 3].astype(np.float64)
-        corner = origin[:2] + field_of_view.half_extent
+        rays = ray_parts(transform_camera_to_table[:3, :3], camera)
+        position = transform_camera_to_table[:3, 3] + [*2 * [field_of_view.half_extent], 0.0]
+        scale = 1.0 / field_of_view.resolution[:2]
         what = hiding.astype(np.uint8) + 2 * (cloth & ~hiding).astype(np.uint8)
-        _count_pixels(what, of_column, of_row, corner, origin[2], resolution, counts)
-    free, hidden, seen = counts
-    return (hidden > settings.max_hidden_share * (free + hidden + seen)) & (hidden > seen)
+        parts = (what, *rays, position.astype(np.float32), scale.astype(np.float32), counts)
+        _count_pixels(*_bounds(bounding_window(hiding, 0)), *parts)
+        window = _window_of(counts[_HIDDEN] > 0, camera, transform_camera_to_table, field_of_view)
+        counts[:] = 0
+        _count_pixels(*_bounds(window), *parts)
+    hidden, seen = counts[_HIDDEN], counts[_SEEN]
+    return (hidden > settings.max_hidden_share * counts.sum(axis=0)) & (hidden > seen)
+
+
+def _window_of(
+    columns: Mask,
+    camera: PinholeCamera,
+    transform_camera_to_table: FloatArray,
+    field_of_view: FieldOfView,
+) -> tuple[slice, slice]:
+    """Rows and columns of the picture in which all of the given columns of the grid lie.
+
+    Only there pixels need be counted; all of the picture if a corner lies behind the camera.
+    """
+    x, y = bounding_window(columns, 0)
+    ends = np.array([[x.start, x.stop], [y.start, y.stop]]) * field_of_view.resolution[:2, None]
+    xs, ys = (one.ravel() for one in np.meshgrid(*(ends - field_of_view.half_extent)))
+    to_camera = np.linalg.inv(transform_camera_to_table)
+    corners = transform_points(to_camera, np.stack([xs, ys, np.zeros(4)], axis=-1))
+    if corners[:, 2].min() <= 0.0:
+        return slice(0, camera.height), slice(0, camera.width)
+    pixels = camera.project(corners)
+    limit = np.array([camera.width, camera.height])
+    first = np.clip(np.floor(pixels.min(axis=0)), 0, limit).astype(int)
+    last = np.clip(np.ceil(pixels.max(axis=0)) + 1, 0, limit).astype(int)
+    return slice(first[1], last[1]), slice(first[0], last[0])
+
+
+def _bounds(window: tuple[slice, slice]) -> tuple[int, int, int, int]:
+    """First row, row after the last, first column, column after the last."""
+    rows, columns = window
+    return rows.start, rows.stop, columns.start, columns.stop
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _count_pixels(
+    first_row: int,
+    end_row: int,
+    first_column: int,
+    end_column: int,
     what: NDArray[np.uint8],
-    of_column: FloatArray,
-    of_row: FloatArray,
-    camera_from_corner: FloatArray,
-    camera_height: float,
-    resolution: FloatArray,
+    of_column: FloatImage,
+    of_row: FloatImage,
+    camera_from_corner: NDArray[np.float32],
+    scale: NDArray[np.float32],
     counts: NDArray[np.int64],
 ) -> None:
     """Count the pixels of each kind, by the column in which their rays meet the table."""
-    for row in range(what.shape[0]):
-        for column in range(what.shape[1]):
+    for row in range(first_row, min(end_row, what.shape[0])):
+        for column in range(first_column, min(end_column, what.shape[1])):
             up = of_column[2, column] + of_row[2, row]
             if up >= 0.0:
                 continue
-            reach = -camera_height / up
+            reach = -camera_from_corner[2] / up
             x = camera_from_corner[0] + reach * (of_column[0, column] + of_row[0, row])
             y = camera_from_corner[1] + reach * (of_column[1, column] + of_row[1, row])
-            i, j = np.floor(x / resolution[0]), np.floor(y / resolution[1])
+            i, j = np.floor(x * scale[0]), np.floor(y * scale[1])
             if 0 <= i < counts.shape[1] and 0 <= j < counts.shape[2]:
                 counts[what[row, column], np.int64(i), np.int64(j)] += 1
