@@ -63,7 +63,7 @@ class ManipulationPlanner:
         """
         used = np.array(manipulation.used)
         points = manipulation.grasp_points_in_table[used]
-        hems = [self._hems(contours, point, avoid_in_table) for point in points]
+        hems = [self._hems(silhouette, contours, point, avoid_in_table) for point in points]
         rejected: list[CellError] = []
         task = GripTask(manipulation.displacement_in_table, silhouette, self.config)
         for searches in assignments(self.robot, points, hems, task):
@@ -78,11 +78,26 @@ class ManipulationPlanner:
         raise _refusal(rejected)
 
     def _hems(
-        self, contours: Sequence[HemContour], point: FloatArray, avoid: Sequence[FloatArray]
+        self,
+        silhouette: Silhouette,
+        contours: Sequence[HemContour],
+        point: FloatArray,
+        avoid: Sequence[FloatArray],
     ) -> list[Hem]:
-        """Find the hems near a point, without those where a grasp has failed."""
+        """Find the hems near a point, none beside what hides the cloth or where a grasp failed."""
         config = self.config.hem
-        found = find_hems(contours, point, config.candidates, config)
+        found = [
+            hem
+            for hem in find_hems(contours, point, config.candidates, config)
+            if not silhouette.is_hidden(
+                hem.point_in_table, hem.outward_normal, config.hidden_reach
+            )
+        ]
+        if not found:
+            raise NoHemError(
+                f"a hem near ({point[0]:.3f}, {point[1]:.3f}) m is wanted, but something hides "
+                "the cloth there, so its end is not known; take that away and look again"
+            )
         near = config.failed_radius
         kept = [
             hem
