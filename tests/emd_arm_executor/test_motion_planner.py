@@ -92,6 +92,25 @@ def test_neat_folds_are_plannable_from_voxels(
         assert np.abs(np.abs(grasp.held_point_in_table) - 0.2).max() < 0.02
 
 
+def test_the_edge_of_what_hides_the_cloth_is_no_hem(
+    planner: MotionPlanner, robot: RobotModel, towel: Towel, task: Make
+) -> None:
+    """Beside hidden cells no hand grasps, neither at the edge that is seen nor at the corner."""
+    cloth = towel()
+    unknown = np.zeros_like(cloth.mask)
+    unknown[: np.flatnonzero(cloth.mask.any(axis=1))[0] - 2] = (
+        True  # what lies beyond the far side
+    )
+    hidden = replace(cloth, unknown=unknown)
+    middle = task([[-0.19, 0.0]], [0.3, 0.0])
+    assert planner.plan_motion(middle, cloth, _rest(robot)).grasps
+    with pytest.raises(NoHemError, match="hides"):
+        planner.plan_motion(middle, hidden, _rest(robot))
+    corner = task([[-0.19, -0.19]], [0.3, 0.3])
+    (grasp,) = planner.plan_motion(corner, hidden, _rest(robot)).grasps.values()
+    assert grasp.hem.outward_normal == pytest.approx([0.0, -1.0], abs=0.05)
+
+
 def test_segments_join(half_fold: MotionPlan, robot: RobotModel) -> None:
     """Each segment starts where the one before ended; the plan starts and ends at rest."""
     here = _rest(robot)

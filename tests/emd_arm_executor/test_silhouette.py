@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from emd_arm_executor.observed_silhouette import silhouette_from_points
 from emd_arm_executor.silhouette import Silhouette
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FieldOfView
@@ -51,6 +54,42 @@ def test_height_near_sees_only_its_surroundings() -> None:
     assert silhouette.height_near([0.1, 0.1], 0.01) == pytest.approx(0.05, abs=cell)
     assert silhouette.height_near([-0.15, -0.05], 0.01) == pytest.approx(cell)
     assert silhouette.height_near([0.25, -0.25], 0.01) == 0.0
+
+
+@pytest.mark.parametrize("from_points", [False, True])
+def test_what_lies_beside_hidden_columns_is_told(from_points: bool) -> None:
+    """A place in a hidden column, and one before it, is hidden; the other sides are not."""
+    points = _square((0.0, 0.0))
+    grid = voxelise(points)
+    fov = grid.field_of_view
+    unknown = np.zeros(fov.size[:2], dtype=bool)
+    first = int(np.ceil((0.1 - fov.origin[0]) / fov.resolution[0]))
+    unknown[first:] = True  # from just beyond the side towards +x on
+    grid = replace(grid, unknown=unknown)
+    silhouette = (
+        silhouette_from_points(points, grid=grid)
+        if from_points
+        else Silhouette.from_voxel_grid(grid)
+    )
+    edge = fov.origin[0] + first * fov.resolution[0]
+    assert silhouette.is_hidden([edge - 0.01, 0.05], [1.0, 0.0], 0.025)
+    assert not silhouette.is_hidden([edge - 0.04, 0.05], [1.0, 0.0], 0.025)
+    for side in ([-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]):
+        assert not silhouette.is_hidden(0.09 * np.array(side), side, 0.025)
+    known = silhouette_from_points(points, grid=voxelise(points))
+    assert not known.is_hidden([edge + 0.01, 0.0], [1.0, 0.0], 0.025)
+
+
+def test_hidden_columns_move_with_the_mask() -> None:
+    """A cloth that leaves the field of view keeps what hides its edge beside it."""
+    grid = voxelise(_square((0.26, 0.0)))
+    fov = grid.field_of_view
+    beyond = int((0.38 - fov.origin[0]) / fov.resolution[0]) % fov.size[0]
+    unknown = np.zeros(fov.size[:2], dtype=bool)
+    unknown[beyond] = True
+    silhouette = Silhouette.from_voxel_grid(replace(grid, unknown=unknown))
+    assert silhouette.is_hidden([0.355, 0.0], [1.0, 0.0], 0.025)
+    assert not silhouette.is_hidden([0.165, 0.0], [-1.0, 0.0], 0.025)
 
 
 def test_mask_without_heights_is_flat() -> None:

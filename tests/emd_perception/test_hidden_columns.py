@@ -79,6 +79,9 @@ def test_a_column_of_which_cloth_is_seen_is_known(flat_scene) -> None:
     alone = hidden_columns(middle, np.zeros_like(middle), CAMERA, pose, FIELD_OF_VIEW)
     beside = hidden_columns(middle, ~middle, CAMERA, pose, FIELD_OF_VIEW)
     shares = pixels_behind(flat_scene, middle) / pixels_behind(flat_scene, middle | ~middle)
-    np.testing.assert_array_equal(alone, shares > 0.1)
-    np.testing.assert_array_equal(beside, shares > 0.5)
+    # Every fourth pixel is counted: shares are told to a few percent.
+    for found, limit in ((alone, 0.1), (beside, 0.5)):
+        clear = np.abs(shares - limit) > 0.08
+        assert clear.mean() > 0.95
+        np.testing.assert_array_equal(found[clear], (shares > limit)[clear])
     assert beside.sum() < alone.sum()

@@ -12,7 +12,7 @@ from emd_perception.table_appearance import (
 
 SHAPE = (120, 160)
 CONFIG = SegmentationConfig()
-EVERYWHERE = np.ones(SHAPE, bool)
+RIM = region_rim(np.ones(SHAPE, bool), CONFIG.border_share)
 
 
 def table(seed: int = 0) -> np.ndarray:
@@ -31,7 +31,7 @@ def with_cloth(lab: np.ndarray, rows: slice, columns: slice) -> np.ndarray:
 def test_cloth_is_far_from_the_table_and_the_table_is_not() -> None:
     """The cloth's contrast is many spreads, the table's stays below the threshold."""
     lab = with_cloth(table(), slice(30, 90), slice(40, 120))
-    contrast = colour_contrast(lab, learn_table_appearance(lab, EVERYWHERE, CONFIG))
+    contrast = colour_contrast(lab, learn_table_appearance(lab, RIM, CONFIG))
     assert contrast[30:90, 40:120].min() > 8.0
     assert np.quantile(contrast[:25], 0.99) < CONFIG.min_contrast
 
@@ -39,7 +39,7 @@ def test_cloth_is_far_from_the_table_and_the_table_is_not() -> None:
 def test_a_cloth_that_reaches_into_the_rim_is_not_learnt() -> None:
     """Cloth over a third of the picture and two of its borders is still told from the table."""
     lab = with_cloth(table(), slice(0, 60), slice(50, 160))
-    contrast = colour_contrast(lab, learn_table_appearance(lab, EVERYWHERE, CONFIG))
+    contrast = colour_contrast(lab, learn_table_appearance(lab, RIM, CONFIG))
     assert np.quantile(contrast[:60, 50:], 0.01) > CONFIG.max_contrast
     assert np.quantile(contrast[70:], 0.99) < CONFIG.min_contrast
 
@@ -49,7 +49,7 @@ def test_light_that_fades_across_the_table_is_no_contrast() -> None:
     v, u = np.mgrid[-1 : 1 : SHAPE[0] * 1j, -1 : 1 : SHAPE[1] * 1j]
     light = 1.0 - 0.25 * (u**2 + v**2) + 0.1 * u
     lab = (table() * light[..., None]).astype(np.float32)
-    contrast = colour_contrast(lab, learn_table_appearance(lab, EVERYWHERE, CONFIG))
+    contrast = colour_contrast(lab, learn_table_appearance(lab, RIM, CONFIG))
     assert np.quantile(contrast, 0.999) < CONFIG.min_contrast
 
 

@@ -1,20 +1,30 @@
 """The warm-up compiles all that a frame needs."""
 
 import numba
+import numpy as np
 import pytest
 
 from emd_core.pinhole_camera import PinholeCamera
 from emd_perception import (
     band_cut,
+    block_means,
+    colour_mixtures,
+    depth_image,
     depth_to_voxel,
+    graph_cut,
     hidden_columns,
     mask_morphology,
     masked_surface,
     minimum_cut,
     region,
+    settled_nodes,
     square_means,
+    table_appearance,
+    table_plane,
+    trend_fit,
     unprojection,
 )
+from emd_perception.depth_image import depth_in_metres
 from emd_perception.frame_input import Frame
 from emd_perception.session import PerceptionSession
 from emd_perception.table_watch import TableWatch
@@ -22,13 +32,21 @@ from emd_perception.warm_up import prepare
 
 MODULES = (
     band_cut,
+    block_means,
+    colour_mixtures,
+    depth_image,
     depth_to_voxel,
+    graph_cut,
     hidden_columns,
     mask_morphology,
     masked_surface,
     minimum_cut,
     region,
+    settled_nodes,
     square_means,
+    table_appearance,
+    table_plane,
+    trend_fit,
     unprojection,
 )
 
@@ -50,7 +68,8 @@ def test_a_stream_compiles_nothing_more_after_the_warm_up(hand_scene) -> None:
         assert before[f"emd_perception.{called}"] == 1
     session = PerceptionSession(TableWatch())
     for stamp in (0.0, 0.1, 0.2):
-        frame = Frame(hand_scene.colour, hand_scene.depth_frames[0], PinholeCamera())
+        millimetres = np.nan_to_num(1e3 * hand_scene.depth_frames[0]).astype(np.uint16)
+        frame = Frame(hand_scene.colour, depth_in_metres(millimetres), PinholeCamera())
         pose = hand_scene.transform_camera_to_table
         session.perceive([frame], pose, stamp, streaming=True)
     assert variants() == before

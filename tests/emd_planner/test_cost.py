@@ -9,10 +9,12 @@ from emd_core.frames import FieldOfView
 from emd_planner.config import ReachConfig
 from emd_planner.cost import (
     distance_to_silhouette,
+    expected_goal_term,
     goal_term,
     grasp_term,
     grasps_cloth,
     reach_term,
+    silhouette_term,
     states_before,
     weighted_sum,
 )
@@ -32,6 +34,22 @@ def test_goal_term_looks_at_the_last_state_alone(cloth):
     states = torch.stack([torch.rand(cloth.shape), cloth.float()])[None]
     assert goal_term(cloth)(states, torch.zeros(1, 2, 6)) == 0.0
     assert goal_term(~cloth)(states, torch.zeros(1, 2, 6)) == 1.0
+
+
+@pytest.mark.parametrize("term", [goal_term, expected_goal_term, silhouette_term])
+def test_columns_of_the_goal_that_something_hides_do_not_count(cloth, term):
+    """The mean is over the columns that are known; what a state has elsewhere changes nothing."""
+    known = torch.ones(cloth.shape[:2], dtype=torch.bool)
+    known[10:16] = False
+    states = torch.rand(2, 1, *cloth.shape, requires_grad=True)
+    cost = term(cloth, known)(states, torch.zeros(2, 1, 6))
+    other = term(cloth[known][:, None], None)(states[:, :, known][..., None, :], None)
+    torch.testing.assert_close(cost, other)
+    cost.sum().backward()
+    assert states.grad[:, 0, ~known].abs().max() == 0.0
+    assert states.grad[:, 0, known].abs().max() > 0.0
+    everywhere = torch.ones_like(known)
+    torch.testing.assert_close(term(cloth, everywhere)(states, None), term(cloth)(states, None))
 
 
 def test_terms_add_up_with_their_weights(cloth):

@@ -91,6 +91,41 @@ def test_plan_carries_the_cloth_to_the_goal(patch_at):
     assert found.reach_excess == 0.0
 
 
+def test_what_something_hides_in_the_goal_is_no_empty_table(patch_at):
+    """A hand hid half of the goal: its columns do not count, instead of pulling the cloth away."""
+    initial, whole = patch_at(-0.3, -0.2), patch_at(0.3, 0.2)
+    unknown = np.zeros((32, 32), dtype=bool)
+    unknown[22:] = True
+    seen = whole.occupancy & ~unknown[..., None]
+    assert 0.2 < seen.sum() / whole.occupancy.sum() < 0.8
+    found = plan(CarriedPatch(), initial, VoxelGrid(seen, FOV, unknown), 1, CONFIG)
+    displacement = found.manipulations[0].displacement_in_table / FOV.half_extent
+    np.testing.assert_allclose(displacement, [0.6, 0.4], atol=0.1)
+    assert found.predicted_loss < 0.1 * found.initial_loss
+    misled = plan(CarriedPatch(), initial, VoxelGrid(seen, FOV), 1, CONFIG)
+    assert misled.predicted_loss > 3.0 * found.predicted_loss
+
+
+@pytest.mark.parametrize("on_cloth", [False, True])
+def test_no_hand_grasps_where_something_hides_the_cloth(patch_at, on_cloth):
+    """Half of the cloth is hidden: grasps of the first step lie on the other half."""
+    start = patch_at(-0.3, -0.2)
+    unknown = np.zeros((32, 32), dtype=bool)
+    unknown[:, :12] = True
+    assert (start.silhouette & unknown).any() and (start.silhouette & ~unknown).any()
+    initial = VoxelGrid(start.occupancy, FOV, unknown)
+    config = replace(CONFIG, grasp_on_cloth=on_cloth)
+    for seed in range(3):
+        found = plan(CarriedPatch(), initial, patch_at(0.3, 0.2), 1, config, seed=seed)
+        first = found.manipulations[0]
+        points = first.grasp_points_in_table[np.array(first.used)]
+        columns = np.floor((points - FOV.origin[:2]) / FOV.resolution[:2]).astype(int) % 32
+        assert not unknown[columns[:, 0], columns[:, 1]].any()
+    everything = VoxelGrid(start.occupancy, FOV, np.ones((32, 32), dtype=bool))
+    with pytest.raises(InvalidInputError, match="hides"):
+        plan(CarriedPatch(), everything, patch_at(0.3, 0.2), 1, config)
+
+
 def test_hand_off_the_cloth_is_unused(patch_at):
     """A grasp point off the silhouette, beyond the tolerance, becomes NaN; some plan has one."""
     used = []

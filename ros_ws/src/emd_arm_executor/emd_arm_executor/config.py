@@ -64,6 +64,8 @@ class HemConfig:
         corner_radius: Distance from a corner within which its bisector is used, metres.
         failed_radius: Distance from a failed grasp within which a hem is not tried again, metres.
         corner_inset: Distance that a grasp on an edge keeps from the edge's ends, metres.
+        hidden_reach: A hem with a place so near in front of it, metres, that something hides from
+            the camera may be the edge of what hides the cloth, and is not grasped.
     """
 
     max_distance_inside: float = 0.12
@@ -76,6 +78,7 @@ class HemConfig:
     corner_radius: float = 0.03
     failed_radius: float = 0.02
     corner_inset: float = 0.015
+    hidden_reach: float = 0.025
 
 
 @dataclass(frozen=True)

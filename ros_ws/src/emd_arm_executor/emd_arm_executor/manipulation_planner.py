@@ -65,7 +65,7 @@ class ManipulationPlanner:
         points = manipulation.grasp_points_in_table[used]
         directions = self._asked_directions(manipulation)[used]
         hems = [
-            self._hems(contours, point, direction, avoid_in_table)
+            self._hems(silhouette, contours, point, direction, avoid_in_table)
             for point, direction in zip(points, directions, strict=True)
         ]
         rejected: list[CellError] = []
@@ -83,14 +83,29 @@ class ManipulationPlanner:
 
     def _hems(
         self,
+        silhouette: Silhouette,
         contours: Sequence[HemContour],
         point: FloatArray,
         direction: FloatArray,
         avoid: Sequence[FloatArray],
     ) -> list[Hem]:
-        """Find the hems near a point that face a direction, NaN: any, where none has failed."""
+        """Find the hems near a point that face a direction (NaN: any).
+
+        None of them is beside what hides the cloth, or where a grasp has failed.
+        """
         config = self.config.hem
-        found = find_hems(contours, point, config.candidates, config)
+        found = [
+            hem
+            for hem in find_hems(contours, point, config.candidates, config, direction)
+            if not silhouette.is_hidden(
+                hem.point_in_table, hem.outward_normal, config.hidden_reach
+            )
+        ]
+        if not found:
+            raise NoHemError(
+                f"a hem near ({point[0]:.3f}, {point[1]:.3f}) m is wanted, but something hides "
+                "the cloth there, so its end is not known; take that away and look again"
+            )
         near = config.failed_radius
         kept = [
             hem

@@ -25,6 +25,8 @@ class Silhouette:
         outward_bias: How far the mask reaches beyond the cloth on average, in cells: 0 for a
             mask that takes a cell when its centre is cloth (a camera's), 0.5 for one that takes
             every cell that the cloth touches (a voxel grid's).
+        unknown: Cells that something hides, axes (X, Y); None if all are known. Where the mask
+            ends at such cells, the cloth need not.
     """
 
     mask: BoolArray
@@ -32,6 +34,7 @@ class Silhouette:
     origin_in_table: FloatArray
     heights: FloatArray | None = None
     outward_bias: float = 0.0
+    unknown: BoolArray | None = None
 
     def __post_init__(self) -> None:
         """Check shapes and values.
@@ -55,6 +58,10 @@ class Silhouette:
             raise InvalidInputError(
                 f"heights must have the mask's shape {mask.shape}, got {np.shape(self.heights)}"
             )
+        if self.unknown is not None and np.shape(self.unknown) != mask.shape:
+            raise InvalidInputError(
+                f"unknown must have the mask's shape {mask.shape}, got {np.shape(self.unknown)}"
+            )
         object.__setattr__(self, "resolution", resolution)
         object.__setattr__(self, "origin_in_table", origin)
 
@@ -69,13 +76,15 @@ class Silhouette:
         """
         fov = grid.field_of_view
         mask, heights = grid.silhouette, grid.height_map
+        unknown = np.zeros_like(mask) if grid.unknown is None else grid.unknown
         origin = fov.origin[:2].copy()
         for axis in (0, 1):
             start, offset = _cut(np.asarray(mask.any(axis=1 - axis)))
             mask = np.roll(mask, -start, axis=axis)
             heights = np.roll(heights, -start, axis=axis)
+            unknown = np.roll(unknown, -start, axis=axis)
             origin[axis] += offset * fov.resolution[axis]
-        return cls(mask, fov.resolution[:2], origin, heights, outward_bias=0.5)
+        return cls(mask, fov.resolution[:2], origin, heights, 0.5, unknown)
 
     @property
     def top(self) -> float:
@@ -102,6 +111,22 @@ class Silhouette:
         near = np.hypot(offsets[0][:, None], offsets[1][None, :]) <= reach
         near &= self.mask[window]
         return float(self.heights[window][near].max()) if near.any() else 0.0
+
+    def is_hidden(self, point_in_table: ArrayLike, direction: ArrayLike, reach: float) -> bool:
+        """Tell whether something hides a place within `reach` of a point along a direction.
+
+        Args:
+            point_in_table: Shape (2,), metres.
+            direction: Unit vector, shape (2,).
+            reach: Metres.
+        """
+        if self.unknown is None:
+            return False
+        steps = np.linspace(0.0, reach, 2 + int(reach / self.resolution.min()))
+        places = np.asarray(point_in_table) + steps[:, None] * np.asarray(direction)
+        cells = np.floor((places - self.origin_in_table) / self.resolution).astype(int)
+        cells = cells[((cells >= 0) & (cells < self.mask.shape)).all(axis=1)]
+        return bool(self.unknown[cells[:, 0], cells[:, 1]].any())
 
 
 def _cut(occupied: BoolArray) -> tuple[int, int]:

@@ -19,6 +19,7 @@ _GAMMA = 50.0  # weight of the outline's length (Rother et al. 2004)
 _CAPACITY_UNIT = 0.02  # capacities are whole numbers
 _MAX_LOG_ODDS = 450.0  # as much as all edges of a pixel together
 _NEGLIGIBLE = 20.0  # differences of colour with beta d^2 above this weigh nothing
+_TABLE_SIZE = 4096  # weights; neighbouring ones differ by half a percent at most
 _NO_NODE = -1  # the pixel keeps its side, or lies beyond the picture
 
 # Row and column steps to the eight neighbours; the way back from the k-th is the (7 - k)-th.
@@ -79,47 +80,32 @@ def _links(
         Neighbours and capacities for `source_side`, shape (N, 8) each; and how much the pixels
         beside the band pull each node to the cloth, shape (N,).
     """
-    picture = np.ascontiguousarray(picture)
-    mean = max(_mean_squared_difference(picture, pixels, _STEPS), 1e-6)
+    squares = np.empty((len(pixels), 8), dtype=np.int32)
+    total = _squared_differences(np.ascontiguousarray(picture), pixels, _STEPS, squares)
+    mean = max(total / squares.size, 1e-6)
     # Differences of 8-bit colours are whole numbers, so their weights come from a table.
-    squares = np.arange(min(3 * 255**2, int(2.0 * mean * _NEGLIGIBLE)) + 1)
-    straight = _GAMMA * np.exp(-squares / (2.0 * mean))
+    step = int(2.0 * mean * _NEGLIGIBLE) // _TABLE_SIZE + 1
+    known = np.arange(min(3 * 255**2, int(2.0 * mean * _NEGLIGIBLE)) // step + 1) * step
+    straight = _GAMMA * np.exp(-(known + step // 2) / (2.0 * mean))
     weights = np.stack([straight, straight / np.sqrt(2.0)]).astype(np.float32)
-    neighbours = np.full((len(pixels), 8), _NO_NODE, dtype=np.int32)
+    neighbours = np.empty((len(pixels), 8), dtype=np.int32)
     capacities = np.zeros((len(pixels), 8), dtype=np.int32)
     pull = np.zeros(len(pixels), dtype=np.float32)
     whole = np.rint(weights / _CAPACITY_UNIT).astype(np.int32)
     _fill_links(
-        picture, inside, nodes, pixels, _STEPS, weights, whole, neighbours, capacities, pull
+        squares, step, inside, nodes, pixels, _STEPS, weights, whole, neighbours, capacities, pull
     )
     return neighbours, capacities, pull
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _squared(
-    picture: NDArray[np.uint8],
-    row: int,
-    column: int,
-    other_row: int,
-    other_column: int,
-) -> int:
-    """Squared difference of two pixels' colours."""
-    total = np.int64(0)
-    for channel in range(3):
-        difference = np.int64(picture[row, column, channel]) - np.int64(
-            picture[other_row, other_column, channel]
-        )
-        total += difference * difference
-    return int(total)
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _mean_squared_difference(
+def _squared_differences(
     picture: NDArray[np.uint8],
     pixels: NDArray[np.int64],
     steps: NDArray[np.int64],
+    squares: NDArray[np.int32],
 ) -> float:
-    """Mean squared difference of pixels' colours from their neighbours'.
+    """Square the differences of pixels' colours from their neighbours', and add them up.
 
     Beyond the picture's border its colours go on.
     """
@@ -130,13 +116,20 @@ def _mean_squared_difference(
         for way in range(8):
             other_row = min(max(row + steps[way, 0], 0), height - 1)
             other_column = min(max(column + steps[way, 1], 0), width - 1)
-            total += _squared(picture, row, column, other_row, other_column)
-    return float(total) / (8.0 * len(pixels))
+            squared = np.int32(0)
+            for channel in range(3):
+                here = np.int32(picture[row, column, channel])
+                difference = here - np.int32(picture[other_row, other_column, channel])
+                squared += difference * difference
+            squares[node, way] = squared
+            total += squared
+    return float(total)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _fill_links(
-    picture: NDArray[np.uint8],
+    squares: NDArray[np.int32],
+    step: int,
     inside: Mask,
     nodes: NDArray[np.int32],
     pixels: NDArray[np.int64],
@@ -147,26 +140,24 @@ def _fill_links(
     capacities: NDArray[np.int32],
     pull: NDArray[np.float32],
 ) -> None:
-    """Fill what `_links` returns; weights by squared difference, straight and diagonal."""
+    """Fill what `_links` returns; weights, straight and diagonal, by squared difference / step."""
     height, width = inside.shape
     for node in range(len(pixels)):
         row, column = pixels[node] // width, pixels[node] % width
         for way in range(8):
             other_row, other_column = row + steps[way, 0], column + steps[way, 1]
+            neighbours[node, way] = _NO_NODE
             if not (0 <= other_row < height and 0 <= other_column < width):
                 continue
             other = nodes[other_row, other_column]
             neighbours[node, way] = other
-            if 0 <= other < node:
-                capacities[node, way] = capacities[other, 7 - way]
-                continue
-            squared = _squared(picture, row, column, other_row, other_column)
-            if squared >= weights.shape[1]:
+            index = squares[node, way] // step
+            if index >= weights.shape[1]:
                 continue
             diagonal = 1 if steps[way, 0] != 0 and steps[way, 1] != 0 else 0
             if other >= 0:
-                capacities[node, way] = whole[diagonal, squared]
+                capacities[node, way] = whole[diagonal, index]
             elif inside[other_row, other_column]:
-                pull[node] += weights[diagonal, squared]
+                pull[node] += weights[diagonal, index]
             else:
-                pull[node] -= weights[diagonal, squared]
+                pull[node] -= weights[diagonal, index]

@@ -11,7 +11,15 @@ from emd_core.errors import NoClothError
 from emd_perception.config import SegmentationConfig
 from emd_perception.evidence import Evidence
 from emd_perception.image_types import Mask
-from emd_perception.mask_morphology import convex_hull, dilate, erode, label_components, opened
+from emd_perception.mask_morphology import (
+    bounding_window,
+    component_sums,
+    convex_hull,
+    dilate,
+    erode,
+    label_components,
+    opened,
+)
 
 _LOW = 0.025  # metres; cloth lies lower in the median, a hand or a box does not
 CLEARLY_RAISED = 3.0  # spreads above the table
@@ -88,10 +96,14 @@ def height_steps(evidence: Evidence, config: SegmentationConfig) -> Mask:
 def find_things(seeds: Mask, evidence: Evidence, tall: Mask, min_area: float) -> list[Thing]:
     """Describe the connected things among the seed pixels that are at least `min_area` large."""
     count, labels = label_components(seeds)
-    areas = np.bincount(labels.ravel(), weights=evidence.pixel_area.ravel(), minlength=count)
-    rim = evidence.region & ~erode(evidence.region, 5)
+    areas, _ = component_sums(labels, count, evidence.pixel_area, seeds)
     large = [label for label in range(1, count) if areas[label] >= min_area]
-    return [_describe(labels == label, evidence, tall, rim) for label in large]
+    if not large:
+        return []
+    beside_tall = dilate(tall, 5)
+    return [
+        _describe(labels == label, float(areas[label]), evidence, beside_tall) for label in large
+    ]
 
 
 def only_tall_things(count: int) -> NoClothError:
@@ -127,15 +139,19 @@ def choose_cloth(things: list[Thing], config: SegmentationConfig) -> Thing:
     return max(fitting, key=Thing.score)
 
 
-def _describe(mask: Mask, evidence: Evidence, tall: Mask, rim: Mask) -> Thing:
-    outline = mask & ~erode(mask, 3)
-    length = max(1, int(outline.sum()))
-    heights = evidence.height[mask & np.isfinite(evidence.height)]
+def _describe(mask: Mask, area: float, evidence: Evidence, beside_tall: Mask) -> Thing:
+    window = bounding_window(mask, 1)
+    part = mask[window]
+    outline = part & ~erode(part, 3)
+    length = max(1, int(np.count_nonzero(outline)))
+    heights = evidence.height[window][part]
+    heights = heights[np.isfinite(heights)]
+    hull = np.count_nonzero(convex_hull(part))
     return Thing(
         mask=mask,
-        area=float(evidence.pixel_area[mask].sum()),
-        solidity=float(mask.sum() / convex_hull(mask).sum()),
-        rim_share=float((outline & rim).sum() / length),
-        tall_share=float((outline & dilate(tall, 5)).sum() / length),
+        area=area,
+        solidity=float(np.count_nonzero(part) / hull),
+        rim_share=float(np.count_nonzero(outline & evidence.rim[window]) / length),
+        tall_share=float(np.count_nonzero(outline & beside_tall[window]) / length),
         median_height=float(np.median(heights)) if len(heights) else 0.0,
     )

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 _COMPONENTS = 5  # of each side, as grabCut has them
 _LEAST_DENSITY = 1e-30  # so that a colour unlike both sides prefers neither
-_SUM_OF_THREE = np.kron(np.eye(2 * _COMPONENTS), np.ones((3, 1))).astype(np.float32)
+_FAR = 160.0  # squared spreads, at which a density is as good as none beside the least one
 
 
 @dataclass(frozen=True)
@@ -32,21 +33,9 @@ class ColourMixtures:
         Returns:
             Shape (N,); positive for the cloth's colours.
         """
-        cloth, background = self._densities(colours.astype(np.float32))
-        return np.asarray(np.log(cloth + _LEAST_DENSITY) - np.log(background + _LEAST_DENSITY))
-
-    def _densities(
-        self, colours: NDArray[np.float32]
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Densities of both sides, up to a factor that they share, shape (N,) each."""
-        whitening, offset, weight = self._whitened
-        white = colours @ whitening
-        white -= offset
-        np.square(white, out=white)
-        squared = white @ _SUM_OF_THREE
-        squared *= np.float32(-0.5)
-        density = np.exp(squared, out=squared) @ weight
-        return density[:, 0], density[:, 1]
+        odds = np.empty(len(colours), dtype=np.float32)
+        _fill_log_odds(np.ascontiguousarray(colours), *self._whitened, odds)
+        return odds
 
     @cached_property
     def _whitened(
@@ -55,20 +44,18 @@ class ColourMixtures:
         """What turns colours into whitened ones of all ten components, cloth's first.
 
         Returns:
-            Matrix (3, 30), offset (30,), and weight of each component's density for both sides
-            (10, 2).
+            Matrices (10, 3, 3), offsets (10, 3), and weight of each component's density (10,).
         """
-        matrix, offset = np.zeros((3, 30)), np.zeros(30)
-        weights = np.zeros((2 * _COMPONENTS, 2))
+        matrix, offset = np.zeros((2 * _COMPONENTS, 3, 3)), np.zeros((2 * _COMPONENTS, 3))
+        weights = np.zeros(2 * _COMPONENTS)
         for index, (weight, mean, covariance) in enumerate(
             [*_components(self.cloth), *_components(self.background)]
         ):
             if weight <= 0.0:
                 continue
             whitening = np.linalg.inv(np.linalg.cholesky(covariance))
-            place = slice(3 * index, 3 * index + 3)
-            matrix[:, place], offset[place] = whitening.T, whitening @ mean
-            weights[index, index // _COMPONENTS] = weight * np.linalg.det(whitening)
+            matrix[index], offset[index] = whitening, whitening @ mean
+            weights[index] = weight * np.linalg.det(whitening)
         whole, shift, share = (one.astype(np.float32) for one in (matrix, offset, weights))
         return whole, shift, share
 
@@ -83,3 +70,30 @@ def _components(
     return list(
         zip(weights.tolist(), means.reshape(-1, 3), covariances.reshape(-1, 3, 3), strict=True)
     )
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _fill_log_odds(
+    colours: NDArray[np.uint8],
+    whitening: NDArray[np.float32],
+    offset: NDArray[np.float32],
+    weight: NDArray[np.float32],
+    odds: NDArray[np.float32],
+) -> None:
+    density = np.empty(2, dtype=np.float32)
+    for pixel in range(len(colours)):
+        density[:] = _LEAST_DENSITY
+        for component in range(len(weight)):
+            if weight[component] <= 0.0:
+                continue
+            squared = np.float32(0.0)
+            for axis in range(3):
+                white = -offset[component, axis]
+                for channel in range(3):
+                    level = np.float32(colours[pixel, channel])
+                    white += whitening[component, axis, channel] * level
+                squared += white * white
+            if squared < _FAR:
+                near = np.exp(np.float32(-0.5) * squared)
+                density[component // _COMPONENTS] += weight[component] * near
+        odds[pixel] = np.log(density[0]) - np.log(density[1])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,18 +42,24 @@ def depth_in_metres(depth: NDArray[Any], encoding: str | None = None) -> DepthIm
             f"a depth image must be 16UC1 (uint16) or 32FC1 (float32), got encoding {encoding} "
             f"with {single.dtype}; set the camera driver to one of these"
         )
-    if single.dtype == np.uint16:
-        metres = single.astype(np.float32) * np.float32(1e-3)
-    elif single.dtype in (np.float32, np.float64):
-        metres = single.astype(np.float32)
-    else:
+    if single.dtype not in (np.uint16, np.float32, np.float64):
         raise InvalidInputError(
             "a depth image must be uint16 millimetres (16UC1) or float32 metres (32FC1), got "
             f"{single.dtype}; convert it first"
         )
-    with np.errstate(invalid="ignore"):
-        metres[~(np.isfinite(metres) & (metres > 0))] = np.nan
+    metres = np.empty(single.shape, dtype=np.float32)
+    unit = np.float32(1e-3 if single.dtype == np.uint16 else 1.0)
+    _fill_metres(np.ascontiguousarray(single), unit, metres)
     return metres
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _fill_metres(image: NDArray[Any], unit: np.float32, metres: DepthImage) -> None:
+    unknown = np.float32(np.nan)
+    for row in range(image.shape[0]):
+        for column in range(image.shape[1]):
+            value = np.float32(image[row, column]) * unit
+            metres[row, column] = value if 0.0 < value < np.inf else unknown
 
 
 def check_images(colour: ColourImage, depth: DepthImage, camera: PinholeCamera) -> None:

@@ -72,7 +72,8 @@ def _match_columns(
     half = field_of_view.half_extent
     footprint = cloth.footprint_in_table
     bounds = [
-        np.floor((end(axis=0) + half) / resolution) for end in (footprint.min, footprint.max)
+        np.floor((end(axis=0) + half) * (1.0 / resolution))  # rounded as the pixels' columns are
+        for end in (footprint.min, footprint.max)
     ]
     corner = bounds[0].astype(int)
     count = np.zeros(bounds[1].astype(int) - corner + 1, dtype=np.int64)
@@ -105,7 +106,8 @@ def _count_in_columns(
     count: NDArray[np.int64],
 ) -> None:
     """Count the pixels in each column; column (0, 0) is the one at `corner`."""
+    scale = 1.0 / resolution
     for pixel in range(len(footprint)):
-        row = np.int64(np.floor((footprint[pixel, 0] + half_extent) / resolution[0]))
-        column = np.int64(np.floor((footprint[pixel, 1] + half_extent) / resolution[1]))
+        row = np.int64(np.floor((footprint[pixel, 0] + half_extent) * scale[0]))
+        column = np.int64(np.floor((footprint[pixel, 1] + half_extent) * scale[1]))
         count[row - corner[0], column - corner[1]] += 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import cv2
@@ -10,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emd_core.errors import NoClothError
-from emd_core.frames import FloatArray
+from emd_perception.block_means import reduce_colour, reduce_known
 from emd_perception.config import SegmentationConfig
 from emd_perception.image_types import ColourImage, DepthImage, FloatImage, LabImage, Mask
-from emd_perception.mask_morphology import resize_mask
+from emd_perception.mask_morphology import erode, resize_mask
 from emd_perception.table_appearance import (
     colour_contrast,
     lab_from_rgb,
@@ -21,10 +22,9 @@ from emd_perception.table_appearance import (
     region_rim,
     trend_basis,
 )
+from emd_perception.trend_fit import fit_heights
 
 _LIKE_TABLE = 2.5  # spreads of colour; a pixel so near to the table's colour may show it bare
-_HEIGHT_ROUNDS = 4  # of fitting the bare table's height and leaving out what lies off it
-_HEIGHT_RIDGE = 1e-3
 _MIN_BARE = 50
 _LEAST_KNOWN = 0.15  # share of the pixels of which a reduced one is made
 _MAX_SAMPLES = 3000  # pixels of which the table's height is learnt
@@ -60,6 +60,11 @@ class Evidence:
         """Pixels whose contrast exceeds the threshold, shape (h, w)."""
         return self.contrast > self.threshold
 
+    @cached_property
+    def rim(self) -> Mask:
+        """Pixels of the region at its outside, shape (h, w)."""
+        return self.region & ~erode(self.region, 5)
+
 
 def gather_evidence(
     colour: ColourImage,
@@ -86,20 +91,20 @@ def gather_evidence(
     """
     shape = reduced_shape(height.shape, config.working_pixels)
     factor = height.size / (shape[0] * shape[1])
-    reduced = cv2.resize(colour, shape[::-1], interpolation=cv2.INTER_AREA)
-    lab = lab_from_rgb(np.asarray(reduced, dtype=np.uint8))
+    lab = lab_from_rgb(reduce_colour(colour, shape))
     lab = np.asarray(cv2.GaussianBlur(lab, (3, 3), 0), dtype=np.float32)
     small_height = reduce_height(height, shape)
     small_region = resize_mask(region, shape)
     candidates = small_region & (np.abs(small_height) < _NEAR_PLANE)
-    appearance = learn_table_appearance(lab, candidates, config)
+    rim = region_rim(candidates, config.border_share)
+    appearance = learn_table_appearance(lab, rim, config)
     if appearance is None:
         raise NoClothError(
             "no bare table is in view, so the cloth cannot be told from it; widen the view or "
             "check the extrinsics"
         )
     colours = colour_contrast(lab, appearance)
-    bare = region_rim(candidates, config.border_share) & (colours < _LIKE_TABLE)
+    bare = rim & (colours < _LIKE_TABLE)
     rise, rise_spread = height_contrast(small_height, bare, config.height_floor)
     contrast = np.hypot(colours, rise)
     low = small_region & ~(small_height > config.max_height)
@@ -132,12 +137,7 @@ def reduce_height(height: DepthImage, shape: tuple[int, int]) -> DepthImage:
     Returns:
         Shape (h, w), metres; NaN where hardly a pixel is known.
     """
-    unknown = np.isnan(height)
-    heights = cv2.patchNaNs(height.astype(np.float32), 0.0)
-    total = cv2.resize(heights, shape[::-1], interpolation=cv2.INTER_AREA)
-    known = (~unknown).astype(np.float32)
-    weight = cv2.resize(known, shape[::-1], interpolation=cv2.INTER_AREA)
-    total, weight = (cv2.GaussianBlur(one, (3, 3), 0) for one in (total, weight))
+    total, weight = (cv2.GaussianBlur(one, (3, 3), 0) for one in reduce_known(height, shape))
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(weight > _LEAST_KNOWN, total / weight, np.nan).astype(np.float32)
 
@@ -167,28 +167,12 @@ def height_contrast(height: DepthImage, bare: Mask, floor: float) -> tuple[Float
     chosen = np.flatnonzero(known)
     chosen = chosen[:: -(-len(chosen) // _MAX_SAMPLES) or 1]
     samples = basis.reshape(-1, basis.shape[-1])[chosen].astype(np.float64)
-    trend, spread = _fit_trend(samples, height.ravel()[chosen].astype(np.float64), floor)
-    level = (basis.reshape(-1, basis.shape[-1]) @ trend).reshape(height.shape)
-    raised = np.nan_to_num(np.maximum(height - level, 0.0), nan=0.0)
-    return np.asarray(raised / spread, dtype=np.float32), spread
-
-
-def _fit_trend(
-    basis: FloatArray, heights: FloatArray, floor: float
-) -> tuple[NDArray[np.float32], float]:
-    """Fit heights by a trend, again and again without what lies off it; gives the spread too."""
-    trend = np.zeros(basis.shape[-1])
-    spread = _NEAR_PLANE
-    ridge = _HEIGHT_RIDGE * np.diag([0.0] + [1.0] * (len(trend) - 1))
-    for _ in range(_HEIGHT_ROUNDS):
-        near = np.abs(heights - basis @ trend) < 3.0 * spread
-        if near.sum() < _MIN_BARE:
-            break
-        some, wanted = basis[near], heights[near]
-        trend = np.linalg.solve(some.T @ some + near.sum() * ridge, some.T @ wanted)
-        left = wanted - some @ trend
-        spread = max(floor, 1.4826 * float(np.median(np.abs(left - np.median(left)))))
-    return trend.astype(np.float32), spread
+    heights = height.ravel()[chosen].astype(np.float64)
+    trend, spread = fit_heights(heights, samples, floor, _NEAR_PLANE, _MIN_BARE)
+    level = (basis.reshape(-1, basis.shape[-1]) @ trend.astype(np.float32)).reshape(height.shape)
+    rise = (height - level) / np.float32(spread)
+    rise[~(rise > 0.0)] = 0.0  # NaN too
+    return rise, spread
 
 
 def _otsu(contrast: NDArray[Any]) -> float:

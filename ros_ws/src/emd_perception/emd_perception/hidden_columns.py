@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 from emd_core.frames import FieldOfView, FloatArray
 from emd_core.pinhole_camera import PinholeCamera
 from emd_perception.config import VoxelConfig
-from emd_perception.image_types import Mask
+from emd_perception.image_types import FloatImage, Mask
 from emd_perception.unprojection import ray_parts
+
+_HIDDEN, _SEEN = 1, 2  # kinds of pixels; 0: table that is seen
 
 
 def hidden_columns(
@@ -25,7 +27,8 @@ def hidden_columns(
 
     A pixel of a hand hides the place on the table that its ray would have met. A column is hidden
     if more than a small share of its pixels is, and more of them than show cloth: a column of
-    which some cloth is seen beside a hand is known to hold cloth.
+    which some cloth is seen beside a hand is known to hold cloth. Every fourth pixel is counted,
+    which are ten or more of a column.
 
     Args:
         hiding: Pixels of what stands before the table and the cloth, shape (H, W).
@@ -39,38 +42,37 @@ def hidden_columns(
         Shape (X, Y).
     """
     settings = config or VoxelConfig()
-    shape = field_of_view.size[:2]
-    counts = np.zeros((3, *shape), dtype=np.int64)
+    counts = np.zeros((3, *field_of_view.size[:2]), dtype=np.int64)
     if hiding.any():
-        of_column, of_row = ray_parts(transform_camera_to_table[:3, :3], camera)
-        resolution = field_of_view.resolution[:2].copy()
-        origin = transform_camera_to_table[:3, 3].astype(np.float64)
-        corner = origin[:2] + field_of_view.half_extent
-        what = hiding.astype(np.uint8) + 2 * (cloth & ~hiding).astype(np.uint8)
-        _count_pixels(what, of_column, of_row, corner, origin[2], resolution, counts)
-    free, hidden, seen = counts
-    return (hidden > settings.max_hidden_share * (free + hidden + seen)) & (hidden > seen)
+        rays = ray_parts(transform_camera_to_table[:3, :3], camera)
+        position = transform_camera_to_table[:3, 3] + [*2 * [field_of_view.half_extent], 0.0]
+        scale = (1.0 / field_of_view.resolution[:2]).astype(np.float32)
+        what = hiding.astype(np.uint8) + np.uint8(_SEEN) * (cloth & ~hiding)
+        _count_pixels(what, *rays, position.astype(np.float32), scale, counts)
+    hidden, seen = counts[_HIDDEN], counts[_SEEN]
+    return (hidden > settings.max_hidden_share * counts.sum(axis=0)) & (hidden > seen)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _count_pixels(
     what: NDArray[np.uint8],
-    of_column: FloatArray,
-    of_row: FloatArray,
-    camera_from_corner: FloatArray,
-    camera_height: float,
-    resolution: FloatArray,
+    of_column: FloatImage,
+    of_row: FloatImage,
+    camera_from_corner: NDArray[np.float32],
+    scale: NDArray[np.float32],
     counts: NDArray[np.int64],
 ) -> None:
-    """Count the pixels of each kind, by the column in which their rays meet the table."""
-    for row in range(what.shape[0]):
-        for column in range(what.shape[1]):
-            up = of_column[2, column] + of_row[2, row]
-            if up >= 0.0:
+    """Count every second pixel of every second row, by the column in which its ray ends."""
+    x0, y0, height = camera_from_corner[0], camera_from_corner[1], camera_from_corner[2]
+    end_x, end_y = np.float32(counts.shape[1]), np.float32(counts.shape[2])
+    for row in range(0, what.shape[0], 2):
+        along_x, along_y, up = of_row[0, row], of_row[1, row], of_row[2, row]
+        for column in range(0, what.shape[1], 2):
+            fall = -(of_column[2, column] + up)
+            if fall <= 0.0:
                 continue
-            reach = -camera_height / up
-            x = camera_from_corner[0] + reach * (of_column[0, column] + of_row[0, row])
-            y = camera_from_corner[1] + reach * (of_column[1, column] + of_row[1, row])
-            i, j = np.floor(x / resolution[0]), np.floor(y / resolution[1])
-            if 0 <= i < counts.shape[1] and 0 <= j < counts.shape[2]:
-                counts[what[row, column], np.int64(i), np.int64(j)] += 1
+            reach = height / fall
+            x = (x0 + reach * (of_column[0, column] + along_x)) * scale[0]
+            y = (y0 + reach * (of_column[1, column] + along_y)) * scale[1]
+            if 0.0 <= x < end_x and 0.0 <= y < end_y:
+                counts[what[row, column], np.int64(x), np.int64(y)] += 1

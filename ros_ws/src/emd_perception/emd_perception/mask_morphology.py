@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import cv2
 import numba
 import numpy as np
@@ -70,13 +72,11 @@ def component_sums(
 def convex_hull(mask: Mask) -> Mask:
     """The convex hull of a mask's pixels; empty if the mask is."""
     hull = np.zeros(mask.shape, dtype=np.uint8)
-    rows = np.flatnonzero(mask.any(axis=1))
-    if len(rows) > 0:
-        # Only the first and the last pixel of a row can be corners.
-        first = mask[rows].argmax(axis=1)
-        last = mask.shape[1] - 1 - mask[rows, ::-1].argmax(axis=1)
-        ends = np.concatenate([np.stack([first, rows], -1), np.stack([last, rows], -1)])
-        cv2.fillConvexPoly(hull, cv2.convexHull(ends.astype(np.int32)), (1,))
+    # Only the first and the last pixel of a row can be corners.
+    ends = np.empty((2 * mask.shape[0], 2), dtype=np.int32)
+    count = _row_ends(np.ascontiguousarray(mask), ends)
+    if count > 0:
+        cv2.fillConvexPoly(hull, cv2.convexHull(ends[:count]), (1,))
     return _mask(hull)
 
 
@@ -98,8 +98,11 @@ def resize_mask(mask: Mask, shape: tuple[int, ...]) -> Mask:
     return _mask(pixels)
 
 
+@lru_cache(maxsize=16)
 def _square(side: int) -> NDArray[np.uint8]:
-    return np.ones((side, side), dtype=np.uint8)
+    square = np.ones((side, side), dtype=np.uint8)
+    square.flags.writeable = False  # all callers share it
+    return square
 
 
 def _pixels(mask: Mask) -> NDArray[np.uint8]:
@@ -109,7 +112,7 @@ def _pixels(mask: Mask) -> NDArray[np.uint8]:
 
 def _mask(pixels: object) -> Mask:
     """The same memory, zeros and ones, as a mask."""
-    return np.asarray(pixels, dtype=np.uint8).view(np.bool_)
+    return np.asarray(pixels).view(np.bool_)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -131,3 +134,22 @@ def _add_components(
             count += marked[row, column]
         sums[label] += total
         counts[label] += count
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _row_ends(mask: Mask, ends: NDArray[np.int32]) -> int:
+    """List column and row of the first and the last pixel of each row; give their number."""
+    width, count = mask.shape[1], 0
+    for row in range(mask.shape[0]):
+        first = 0
+        while first < width and not mask[row, first]:
+            first += 1
+        if first == width:
+            continue
+        last = width - 1
+        while not mask[row, last]:
+            last -= 1
+        ends[count, 0], ends[count, 1] = first, row
+        ends[count + 1, 0], ends[count + 1, 1] = last, row
+        count += 2
+    return count

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from emd_core.frames import FloatArray
 from emd_core.pinhole_camera import PinholeCamera
-from emd_perception.image_types import ColourImage, DepthImage, Mask
+from emd_perception.image_types import ColourImage, DepthImage, FloatImage, Mask
 from emd_perception.mask_morphology import bounding_window
 from emd_perception.unprojection import ray_parts
 
@@ -142,8 +142,8 @@ def _unproject(
     depth: DepthImage,
     mask: Mask,
     known: Mask,
-    of_column: FloatArray,
-    of_row: FloatArray,
+    of_column: FloatImage,
+    of_row: FloatImage,
     origin: FloatArray,
     footprint: FloatArray,
     points: FloatArray,
@@ -158,13 +158,13 @@ def _unproject(
         for column in range(mask.shape[1]):
             if not mask[row, column]:
                 continue
-            fall = np.float32(of_column[2, column] + of_row[2, row])  # height per metre of depth
+            fall = of_column[2, column] + of_row[2, row]  # height per metre of depth
             reach = np.float64(depth[row, column])
             if not known[row, column]:
                 i, j = _nearest_known(row, column, nearest)
-                reach = np.float32(of_column[2, j] + of_row[2, i]) * np.float64(depth[i, j]) / fall
+                reach = (of_column[2, j] + of_row[2, i]) * np.float64(depth[i, j]) / fall
             for axis in range(2):
-                ray = np.float32(of_column[axis, column] + of_row[axis, row])
+                ray = of_column[axis, column] + of_row[axis, row]
                 footprint[axis, pixel] = ray * reach + origin[axis]
             if known[row, column]:
                 points[point, 0], points[point, 1] = footprint[0, pixel], footprint[1, pixel]

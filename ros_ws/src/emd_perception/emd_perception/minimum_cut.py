@@ -11,6 +11,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from emd_perception.settled_nodes import SOURCE, settle
+
 _NONE = -1  # no parent: the node belongs to no tree
 _TERMINAL = 8  # its parent is source or sink itself
 _ORPHAN = 9  # its parent was lost, a new one is looked for
@@ -37,10 +39,13 @@ def source_side(
         Which nodes stay with the source, shape (N,).
     """
     count = len(preference)
+    capacity, terminal = capacities.copy(), preference.copy()
+    side = np.empty(count, dtype=np.int8)
+    settle(neighbours, capacity, terminal, side)
     parent = np.full(count, _NONE, dtype=np.int8)
     in_sink_tree = np.zeros(count, dtype=np.bool_)
-    _cut(neighbours, capacities.copy(), preference.copy(), parent, in_sink_tree)
-    return np.asarray((parent != _NONE) & ~in_sink_tree)
+    _cut(neighbours, capacity, terminal, parent, in_sink_tree)
+    return np.asarray((side == SOURCE) | ((parent != _NONE) & ~in_sink_tree))
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

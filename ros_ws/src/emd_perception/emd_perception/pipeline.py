@@ -199,9 +199,11 @@ def _voxelise(
 def _fit_field_of_view(cloth: ClothPoints, view: _View) -> tuple[FieldOfView, tuple[str, ...]]:
     """Enlarge the field of view to hold the cloth and a free column around it, if allowed."""
     wanted = view.field_of_view
+    if not view.may_enlarge:
+        return wanted, ()
     free_share = 1.0 - 2.0 / min(wanted.size[:2])
     needed = float(np.abs(cloth.footprint_in_table).max()) / free_share
-    if not view.may_enlarge or needed <= wanted.half_extent:
+    if needed <= wanted.half_extent:
         return wanted, ()
     note = (
         f"the cloth does not fit the field of view of half extent {wanted.half_extent:.3f} m, "
@@ -216,7 +218,8 @@ def _judge(
     """Judge the depth's completeness, the place of the cloth, and the rest of the scene."""
     known = cloth.points.known_share
     half = cloth.grid.field_of_view.half_extent
-    beyond = float((np.abs(cloth.points.footprint_in_table) > half).any(axis=1).mean())
+    x, y = cloth.points.footprint_in_table.T
+    beyond = float(np.mean((np.abs(x) > half) | (np.abs(y) > half)))
     still = motion_share <= config.fusion.max_motion_share
     return (
         Judgement(good(known, 0.2, 0.6), f"only {known:.0%} of the cloth's pixels have a depth"),

@@ -27,8 +27,11 @@ def observed_region(height: DepthImage) -> Mask:
     Args:
         height: Height above the table, shape (H, W), metres, NaN where the depth is unknown.
     """
+    region = convex_hull(opened(height >= _BELOW_TABLE, _SPECK))
     below = height < _BELOW_TABLE
-    return convex_hull(opened(np.isfinite(height) & ~below, _SPECK)) & ~opened(below, _SPECK)
+    if below.any():
+        region &= ~opened(below, _SPECK)
+    return region
 
 
 def field_of_view_region(
@@ -60,28 +63,34 @@ def pixel_area_on_table(camera: PinholeCamera, plane: TablePlane) -> FloatImage:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _mark_within(
-    of_column: FloatArray,
-    of_row: FloatArray,
+    of_column: FloatImage,
+    of_row: FloatImage,
     camera_in_table: NDArray[np.float32],
     half: np.float32,
     region: Mask,
 ) -> None:
-    """Mark pixels whose ray falls to the table within `half` of its origin along x and y."""
-    steepest = np.float32(-1e-9)
+    """Mark pixels whose ray falls to the table within `half` of its origin along x and y.
+
+    A ray that falls by `fall` a metre meets the table after height / fall metres. Both sides of
+    the comparison are multiplied by `fall`, for a division takes several times as long; they
+    never agree for rays that rise.
+    """
+    x0, y0, height = camera_in_table[0], camera_in_table[1], camera_in_table[2]
     for row in range(region.shape[0]):
+        along_x, along_y, up = of_row[0, row], of_row[1, row], of_row[2, row]
         for column in range(region.shape[1]):
-            up = np.float32(of_column[2, column] + of_row[2, row])
-            reach = -camera_in_table[2] / min(up, steepest)
-            x = np.float32(of_column[0, column] + of_row[0, row]) * reach + camera_in_table[0]
-            y = np.float32(of_column[1, column] + of_row[1, row]) * reach + camera_in_table[1]
-            region[row, column] = (up < 0) & (abs(x) <= half) & (abs(y) <= half)
+            fall = -(of_column[2, column] + up)
+            x = (of_column[0, column] + along_x) * height + x0 * fall
+            y = (of_column[1, column] + along_y) * height + y0 * fall
+            region[row, column] = (abs(x) <= half * fall) & (abs(y) <= half * fall)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _fill_areas(
-    of_column: FloatArray, of_row: FloatArray, across: np.float32, area: FloatImage
+    of_column: FloatImage, of_row: FloatImage, across: np.float32, area: FloatImage
 ) -> None:
     for row in range(area.shape[0]):
+        own = of_row[row]
         for column in range(area.shape[1]):
-            slope = max(-np.float32(of_column[column] + of_row[row]), np.float32(_LEAST_SLOPE))
+            slope = max(-(of_column[column] + own), np.float32(_LEAST_SLOPE))
             area[row, column] = across / (slope * slope * slope)

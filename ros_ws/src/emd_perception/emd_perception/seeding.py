@@ -41,14 +41,16 @@ def seed_cut(
         NoClothError: If nothing that differs from the table can be cloth.
     """
     unlike = evidence.region & ~tall & evidence.unlike_table & ~blind
-    things = find_things(_solid(unlike, evidence, config), evidence, tall, config.min_area)
+    steps = height_steps(evidence, config)
+    solid = opened(unlike, 3) & ~steps
+    things = find_things(solid, evidence, tall, config.min_area)
     chosen = choose_cloth(things, config)
     told_by_height = height_tells(chosen, evidence, config)
     if told_by_height:
         unlike &= ~lying_flat(evidence)
-        solid = _solid(unlike, evidence, config)
-        chosen = choose_cloth(find_things(solid, evidence, tall, config.min_area), config)
+        solid = opened(unlike, 3) & ~steps
         things = find_things(solid, evidence, tall, _SMALLER * config.min_area)
+        chosen = choose_cloth([one for one in things if one.area >= config.min_area], config)
     possible = dilate(chosen.mask, 2 * _REACH + 1)
     surely_not = tall | ~evidence.region | blind
     for thing in things:
@@ -87,7 +89,3 @@ def _raised(evidence: Evidence) -> Mask:
 def lying_flat(evidence: Evidence) -> Mask:
     """Pixels that are known to lie on the bare table's level, in patches."""
     return opened(np.isfinite(evidence.height) & (evidence.rise < _FLAT), 3)
-
-
-def _solid(unlike: Mask, evidence: Evidence, config: SegmentationConfig) -> Mask:
-    return opened(unlike, 3) & ~height_steps(evidence, config)

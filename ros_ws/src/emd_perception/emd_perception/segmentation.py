@@ -124,12 +124,15 @@ def segment_cloth(
     hiding = np.zeros_like(mask) if hands is None else hands.pixels & ~mask
     if blind.any():
         hiding |= resize_mask(blind, mask.shape) & ~mask
-    return Segmentation(mask, float(pixel_area[mask].sum()), judgements, memory, hiding)
+    area = float(pixel_area[window][mask[window]].sum())
+    return Segmentation(mask, area, judgements, memory, hiding)
 
 
 def _pieces_near(mask: Mask, guide: Mask) -> Mask:
     """The connected pieces of a mask that share a good part of their pixels with a guide."""
     count, labels = label_components(mask)
+    if count == 2 and 2 * np.count_nonzero(mask & guide) > np.count_nonzero(mask):
+        return mask  # one piece
     size, shared = component_sums(labels, count, np.ones(mask.shape, np.float32), guide)
     near = shared > 0.5 * size
     near[0] = False
@@ -149,6 +152,8 @@ def _fill_holes(
 ) -> Mask:
     """Fill small holes, but none through which something taller than cloth is seen."""
     count, labels = label_components(~mask, connectivity=4)
+    if count == 2:
+        return mask  # nothing but what lies around it
     areas, tall = component_sums(labels, count, pixel_area, height > config.max_height)
     hole = (areas < config.max_hole_area) & (tall == 0)
     hole[0] = False

@@ -4,24 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import cv2
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from emd_core.frames import FloatArray
 from emd_perception.config import SegmentationConfig
 from emd_perception.image_types import ColourImage, DepthImage, FloatImage, LabImage, Mask
+from emd_perception.trend_fit import TERMS, fit_colours
 
-_CONCENTRATION_STEPS = 6
-_CONCENTRATED_SHARE = 0.6
-# The covariance of a three-dimensional normal sample against that of its nearest 60 %.
-_CONSISTENCY = 2.0
 _MAX_SAMPLES = 1200
 _MIN_SAMPLES = 50
-_TREND_RIDGE = 0.02
-_TERMS = 6  # of the trend
 
 
 @dataclass(frozen=True)
@@ -35,20 +30,6 @@ class TableAppearance:
 
     trend: FloatArray
     covariance: FloatArray
-
-    def distance(self, colours: NDArray[Any], basis: NDArray[Any]) -> NDArray[Any]:
-        """Mahalanobis distance from the table's colour, in spreads.
-
-        Args:
-            colours: L*, a*, b*, shape (N, 3).
-            basis: `trend_basis` at the same pixels, shape (N, 6).
-
-        Returns:
-            Shape (N,).
-        """
-        whitening = np.linalg.inv(np.linalg.cholesky(self.covariance)).T.astype(colours.dtype)
-        difference = (colours - basis @ self.trend.astype(colours.dtype)) @ whitening
-        return np.asarray(np.sqrt(np.einsum("ni,ni->n", difference, difference)))
 
 
 def lab_from_rgb(colour: ColourImage) -> LabImage:
@@ -67,44 +48,40 @@ def trend_basis(shape: tuple[int, int]) -> NDArray[np.float32]:
 
 
 def learn_table_appearance(
-    lab: LabImage, table_candidates: Mask, config: SegmentationConfig
+    lab: LabImage, rim: Mask, config: SegmentationConfig
 ) -> TableAppearance | None:
     """Learn the table's colour from the rim of the region, robustly.
 
     The rim is where the table shows even if the cloth fills the middle; a cloth that reaches into
-    it is left out by concentration steps (as in the minimum covariance determinant estimator,
-    Rousseeuw and Van Driessen 1999), as long as most of the rim is table.
+    it is left out, as long as most of the rim is table.
 
     Args:
         lab: Shape (H, W, 3).
-        table_candidates: Pixels of the region that lie on the table's plane, shape (H, W).
-        config: Spread floors and the share of the region that counts as its rim.
+        rim: Pixels at the region's rim that lie on the table's plane, shape (H, W).
+        config: Spread floors.
 
     Returns:
-        The table's colour, or None if fewer than 50 pixels are candidates.
+        The table's colour, or None if the rim has fewer than 50 pixels.
     """
-    rim = np.flatnonzero(region_rim(table_candidates, config.border_share))
-    if len(rim) < _MIN_SAMPLES:
+    pixels = np.flatnonzero(rim)
+    if len(pixels) < _MIN_SAMPLES:
         return None
-    samples = rim[:: -(-len(rim) // _MAX_SAMPLES)]
+    samples = pixels[:: -(-len(pixels) // _MAX_SAMPLES)]
     colours = lab.reshape(-1, 3)[samples].astype(np.float64)
-    basis = trend_basis(lab.shape[:2]).reshape(-1, _TERMS)[samples].astype(np.float64)
+    basis = trend_basis(lab.shape[:2]).reshape(-1, TERMS)[samples].astype(np.float64)
     floor = np.array([config.lightness_floor, config.chroma_floor, config.chroma_floor])
-    trend = np.zeros((basis.shape[1], 3))
-    trend[0] = np.median(colours, axis=0)
-    appearance = TableAppearance(trend, np.diag(floor**2))
-    for _ in range(_CONCENTRATION_STEPS):
-        distance = appearance.distance(colours, basis)
-        kept = np.argpartition(distance, int(_CONCENTRATED_SHARE * len(distance)))
-        kept = np.sort(kept[: int(_CONCENTRATED_SHARE * len(distance))])
-        appearance = _fit(colours[kept], basis[kept], floor)
-    return appearance
+    return TableAppearance(*fit_colours(colours, basis, floor))
 
 
 def colour_contrast(lab: LabImage, appearance: TableAppearance) -> FloatImage:
-    """Distance of each pixel's colour from the table's, shape (H, W), spreads."""
-    basis = trend_basis(lab.shape[:2]).reshape(-1, appearance.trend.shape[0])
-    return appearance.distance(lab.reshape(-1, 3), basis).reshape(lab.shape[:2])
+    """Mahalanobis distance of each pixel's colour from the table's, shape (H, W), spreads."""
+    contrast = np.empty(lab.shape[:2], dtype=np.float32)
+    # So that the distance is the length of whitening (colour - trend).
+    whitening = np.linalg.inv(np.linalg.cholesky(appearance.covariance))
+    whitened_trend = (appearance.trend @ whitening.T).astype(np.float32)
+    basis = trend_basis(lab.shape[:2])
+    _fill_distances(lab, basis, whitened_trend, whitening.astype(np.float32), contrast)
+    return contrast
 
 
 def region_rim(region: Mask, share: float) -> Mask:
@@ -127,20 +104,22 @@ def smooth_height(height: DepthImage, side: int = 5) -> DepthImage:
         return np.where(weight > 0.15, total / weight, np.nan).astype(np.float32)
 
 
-def _fit(colours: FloatArray, basis: FloatArray, floor: FloatArray) -> TableAppearance:
-    """Fit trend (ridge regression, the constant term free) and spread to the colours given."""
-    ridge = _TREND_RIDGE * len(colours) * np.eye(basis.shape[1])
-    ridge[0, 0] = 0.0
-    trend = np.linalg.solve(basis.T @ basis + ridge, basis.T @ colours)
-    left = colours - basis @ trend
-    left -= left.mean(axis=0)
-    covariance = _CONSISTENCY / (len(left) - 1) * (left.T @ left)
-    return TableAppearance(np.asarray(trend), _widen(covariance, floor))
-
-
-def _widen(covariance: FloatArray, floor: FloatArray) -> FloatArray:
-    """Widen a covariance so that in no direction it is narrower than the floor."""
-    scaled = covariance / np.outer(floor, floor)
-    values, vectors = np.linalg.eigh(scaled)
-    widened = (vectors * np.maximum(values, 1.0)) @ vectors.T
-    return np.asarray(widened * np.outer(floor, floor))
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _fill_distances(
+    lab: LabImage,
+    basis: NDArray[np.float32],
+    trend: NDArray[np.float32],
+    whitening: NDArray[np.float32],
+    distance: FloatImage,
+) -> None:
+    for row in range(lab.shape[0]):
+        for column in range(lab.shape[1]):
+            squared = np.float32(0.0)
+            for axis in range(3):
+                along = np.float32(0.0)
+                for channel in range(3):
+                    along += whitening[axis, channel] * lab[row, column, channel]
+                for term in range(TERMS):
+                    along -= basis[row, column, term] * trend[term, axis]
+                squared += along * along
+            distance[row, column] = np.sqrt(squared)

@@ -46,11 +46,11 @@ def check_transform(transform_camera_to_table: FloatArray) -> None:
             "emd_core.frames.transform_from_pose"
         )
     rotation = transform[:3, :3]
-    is_rotation = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4)
+    is_rotation = np.abs(rotation @ rotation.T - np.eye(3)).max() < 1e-4
     if (
         not is_rotation
         or np.linalg.det(rotation) < 0
-        or not np.allclose(transform[3], [0, 0, 0, 1])
+        or np.abs(transform[3] - [0, 0, 0, 1]).max() > 1e-8
     ):
         raise InvalidInputError(
             "extrinsics must be a rotation and a translation with the last row 0 0 0 1; "

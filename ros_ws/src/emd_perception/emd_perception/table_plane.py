@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -95,20 +96,16 @@ def fit_plane_to_pixels(
 
 def _fitted_from(points: FloatArray, nearly: FloatArray, config: PlaneConfig) -> TablePlane | None:
     """Fit a plane to the points near it, again and again; None if too few are."""
-    plane = np.asarray(nearly, dtype=np.float64)
+    plane = np.array(nearly, dtype=np.float64)
     support = np.zeros(len(points), dtype=np.bool_)
+    least = max(config.min_inlier_share * len(points), MIN_POINTS)
     for _ in range(_MOST_FITS):
-        before = support
-        support = np.abs(points @ plane[:3] + plane[3]) < config.distance_threshold
-        count = int(np.count_nonzero(support))
-        if count < config.min_inlier_share * len(points) or count < MIN_POINTS:
+        count, same, centre, scatter = _support(points, plane, config.distance_threshold, support)
+        if count < least:
             return None
-        if np.array_equal(support, before):
+        if same:
             break
-        near = points[support]
-        centre = near.mean(axis=0)
-        near -= centre
-        normal = np.linalg.eigh(near.T @ near)[1][:, 0]  # the direction of least spread
+        normal = np.linalg.eigh(scatter)[1][:, 0]  # the direction of least spread
         plane = _towards_camera(np.array([*normal, -(normal @ centre)]))
     return TablePlane(plane, count / len(points))
 
@@ -138,3 +135,31 @@ def _points_at(depth: DepthImage, camera: PinholeCamera, pixels: NDArray[np.int6
     return np.column_stack(
         [(columns - camera.cx) / camera.fx * z, (rows - camera.cy) / camera.fy * z, z]
     )
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _support(
+    points: FloatArray, plane: FloatArray, threshold: float, support: NDArray[np.bool_]
+) -> tuple[int, bool, FloatArray, FloatArray]:
+    """Find which points (N, 3) lie near a plane (4,), and write them into `support` (N,).
+
+    Returns:
+        Their number, whether they are those that `support` held before, their mean (3,), and the
+        sum of the products of their offsets from it (3, 3).
+    """
+    same, count, total, products = True, 0, np.zeros(3), np.zeros((3, 3))
+    for point in range(len(points)):
+        distance = plane[3]
+        for axis in range(3):
+            distance += points[point, axis] * plane[axis]
+        near = abs(distance) < threshold
+        same &= near == support[point]
+        support[point] = near
+        if near:
+            count += 1
+            for axis in range(3):
+                total[axis] += points[point, axis]
+                for other in range(3):
+                    products[axis, other] += points[point, axis] * points[point, other]
+    centre = total / max(count, 1)
+    return count, same, centre, products - count * centre.reshape(3, 1) * centre

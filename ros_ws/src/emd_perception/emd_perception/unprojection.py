@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numba
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +31,7 @@ def along_rays(direction: FloatArray, camera: PinholeCamera) -> FloatImage:
     return along
 
 
-def ray_parts(directions: FloatArray, camera: PinholeCamera) -> tuple[FloatArray, FloatArray]:
+def ray_parts(directions: FloatArray, camera: PinholeCamera) -> tuple[FloatImage, FloatImage]:
     """Split the components of the pixels' rays (z = 1) along directions, so that none is built.
 
     Args:
@@ -37,12 +39,21 @@ def ray_parts(directions: FloatArray, camera: PinholeCamera) -> tuple[FloatArray
         camera: The camera of the pixels.
 
     Returns:
-        A part for each column, shape (..., W), and one for each row, shape (..., H); a ray's
-        component is the sum of its two.
+        A part for each column, shape (..., W), and one for each row, shape (..., H), float32; a
+        ray's component is the sum of its two.
     """
-    a, b, c = np.moveaxis(np.asarray(directions, dtype=np.float64), -1, 0)[..., None]
-    of_column = a * (np.arange(camera.width) - camera.cx) / camera.fx + c
-    return of_column, b * (np.arange(camera.height) - camera.cy) / camera.fy
+    a, b, c = (directions[..., axis, None] for axis in range(3))
+    x, y = _slopes(camera)
+    return (a * x + c).astype(np.float32), (b * y).astype(np.float32)
+
+
+@lru_cache(maxsize=4)
+def _slopes(camera: PinholeCamera) -> tuple[FloatArray, FloatArray]:
+    """Directions x / z of the columns' rays, shape (W,), and y / z of the rows', shape (H,)."""
+    x = (np.arange(camera.width) - camera.cx) / camera.fx
+    y = (np.arange(camera.height) - camera.cy) / camera.fy
+    x.flags.writeable = y.flags.writeable = False  # all callers share them
+    return x, y
 
 
 def unproject_mask(depth: DepthImage, mask: Mask, camera: PinholeCamera) -> FloatArray:
@@ -84,7 +95,8 @@ def height_above_plane(
     """
     _check_shape(depth.shape, camera)
     height = np.empty(depth.shape, dtype=np.float32)
-    _add_heights(depth, *ray_parts(table_plane[:3], camera), float(table_plane[3]), height)
+    offset = np.float32(table_plane[3])
+    _add_heights(depth, *ray_parts(table_plane[:3], camera), offset, height)
     return height
 
 
@@ -112,42 +124,49 @@ def pixels_near_plane(
     """
     _check_shape(depth.shape, camera)
     near = np.empty(depth.shape, dtype=np.bool_)
-    _mark_near(depth, *ray_parts(table_plane[:3], camera), float(table_plane[3]), reach, near)
-    return np.flatnonzero(near if allowed is None else near & allowed)
+    parts, offset = ray_parts(table_plane[:3], camera), np.float32(table_plane[3])
+    _mark_near(depth, *parts, offset, np.float32(reach), near)
+    if allowed is not None:
+        near &= allowed
+    return np.flatnonzero(near)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _add_parts(of_column: FloatArray, of_row: FloatArray, along: FloatImage) -> None:
+def _add_parts(of_column: FloatImage, of_row: FloatImage, along: FloatImage) -> None:
     for row in range(along.shape[0]):
+        own = of_row[row]
         for column in range(along.shape[1]):
-            along[row, column] = of_column[column] + of_row[row]
+            along[row, column] = of_column[column] + own
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _add_heights(
-    depth: DepthImage, of_column: FloatArray, of_row: FloatArray, offset: float, height: DepthImage
+    depth: DepthImage,
+    of_column: FloatImage,
+    of_row: FloatImage,
+    offset: np.float32,
+    height: DepthImage,
 ) -> None:
-    shift = np.float32(offset)
     for row in range(depth.shape[0]):
+        own = of_row[row]
         for column in range(depth.shape[1]):
-            along = np.float32(of_column[column] + of_row[row])
-            height[row, column] = depth[row, column] * along + shift
+            height[row, column] = depth[row, column] * (of_column[column] + own) + offset
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _mark_near(
     depth: DepthImage,
-    of_column: FloatArray,
-    of_row: FloatArray,
-    offset: float,
-    reach: float,
+    of_column: FloatImage,
+    of_row: FloatImage,
+    offset: np.float32,
+    reach: np.float32,
     near: Mask,
 ) -> None:
-    shift, most = np.float32(offset), np.float32(reach)
     for row in range(depth.shape[0]):
+        own = of_row[row]
         for column in range(depth.shape[1]):
-            along = np.float32(of_column[column] + of_row[row])
-            near[row, column] = abs(depth[row, column] * along + shift) < most  # not for NaN
+            height = depth[row, column] * (of_column[column] + own) + offset
+            near[row, column] = abs(height) < reach  # not for NaN
 
 
 def _check_shape(shape: tuple[int, ...], camera: PinholeCamera) -> None:

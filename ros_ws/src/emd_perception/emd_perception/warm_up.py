@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from emd_core.pinhole_camera import PinholeCamera
+from emd_perception.depth_image import depth_in_metres
 from emd_perception.open3d_library import load_open3d
 from emd_perception.pipeline import perceive
 
@@ -24,8 +25,8 @@ def prepare() -> None:
     transform_camera_to_table[2, 3] = 0.6
     colour = np.full((*shape, 3), _TABLE, dtype=np.uint8)
     colour[80:160, 110:210] = _CLOTH
-    depth = np.full(shape, 0.6, dtype=np.float32)
-    depth[80:160, 110:210] = 0.595
-    depth[100, 120:126] = np.nan
-    colour[:60, :90], depth[:60, :90] = _HAND, 0.45
-    perceive(colour, depth, camera, transform_camera_to_table)
+    millimetres = np.full(shape, 600, dtype=np.uint16)
+    millimetres[80:160, 110:210] = 595
+    millimetres[100, 120:126] = 0
+    colour[:60, :90], millimetres[:60, :90] = _HAND, 450
+    perceive(colour, depth_in_metres(millimetres), camera, transform_camera_to_table)

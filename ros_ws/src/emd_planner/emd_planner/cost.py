@@ -15,21 +15,23 @@ from emd_planner.silhouette import dilate, outside_cloth, silhouettes
 Term = Callable[[Tensor, Tensor], Tensor]
 
 
-def goal_term(goal: Tensor) -> Term:
+def goal_term(goal: Tensor, known: Tensor | None = None) -> Term:
     """loss_s of the last predicted state with respect to the goal (III-C, step 4).
 
     Args:
         goal: Boolean or real, shape (X, Y, Z).
+        known: Columns of the goal that count, boolean, shape (X, Y); all if None.
     """
-    wanted = goal.float()
+    columns = slice(None) if known is None else known
+    wanted = goal.float()[columns]
 
     def cost(states: Tensor, manipulations: Tensor) -> Tensor:
-        return state_loss(states[:, -1], wanted)
+        return state_loss(states[:, -1][:, columns], wanted)
 
     return cost
 
 
-def expected_goal_term(goal: Tensor) -> Term:
+def expected_goal_term(goal: Tensor, known: Tensor | None = None) -> Term:
     """Mean squared error to be expected of the outcome if the probabilities are right (ours).
 
     A voxel that is occupied with probability p differs from the goal's g with probability
@@ -37,9 +39,13 @@ def expected_goal_term(goal: Tensor) -> Term:
 
     Args:
         goal: Boolean or real, shape (X, Y, Z).
+        known: Columns of the goal that count, boolean, shape (X, Y); all if None.
     """
+    columns = slice(None) if known is None else known
     wanted = goal.float()
-    slope, start = (1.0 - 2.0 * wanted) / wanted.numel(), wanted.mean()
+    slope, start = (1.0 - 2.0 * wanted) / wanted[columns].numel(), wanted[columns].mean()
+    if known is not None:
+        slope = slope * known[..., None]
 
     def cost(states: Tensor, manipulations: Tensor) -> Tensor:
         return (states[:, -1] * slope).flatten(1).sum(1) + start
@@ -47,18 +53,20 @@ def expected_goal_term(goal: Tensor) -> Term:
     return cost
 
 
-def silhouette_term(goal: Tensor) -> Term:
+def silhouette_term(goal: Tensor, known: Tensor | None = None) -> Term:
     """Mean squared difference of the last state's silhouette and the goal's (ours).
 
     Columns are filled from the desk, so the lowest voxel of a column is the silhouette.
 
     Args:
         goal: Boolean or real, shape (X, Y, Z).
+        known: Columns of the goal that count, boolean, shape (X, Y); all if None.
     """
-    wanted = goal[..., 0].float()
+    columns = slice(None) if known is None else known
+    wanted = goal[..., 0].float()[columns]
 
     def cost(states: Tensor, manipulations: Tensor) -> Tensor:
-        return (states[:, -1, :, :, 0] - wanted).square().flatten(1).mean(1)
+        return (states[:, -1, :, :, 0][:, columns] - wanted).square().flatten(1).mean(1)
 
     return cost
 

@@ -45,16 +45,18 @@ def plan_cost(
     field_of_view: FieldOfView,
     reach: ReachConfig | ReachMap | None = None,
     keep_out: Sequence[Polygon] = (),
+    goal_known: Tensor | None = None,
 ) -> PlanCost:
     """Put the terms of a problem together.
 
     Args:
         config: Weights.
-        initial: Initial state, boolean, shape (X, Y, Z).
+        initial: What of the initial state can be grasped, boolean, shape (X, Y, Z).
         goal: Wanted state, likewise.
         field_of_view: Of both.
         reach: Where the arms can grasp and release; None: anywhere.
         keep_out: Corners of convex regions to keep out of, metres, table frame.
+        goal_known: Columns of the goal that count, boolean, shape (X, Y); all if None.
 
     Raises:
         InvalidInputError: If a region is not convex.
@@ -64,14 +66,14 @@ def plan_cost(
     regions = [normalised_polygon(region, field_of_view).to(initial.device) for region in keep_out]
     optional: list[tuple[float, Callable[[], Term]]] = [
         (config.grasp_weight, lambda: grasp_term(*looks)),
-        (config.silhouette_weight, lambda: silhouette_term(goal)),
+        (config.silhouette_weight, lambda: silhouette_term(goal, goal_known)),
         (config.hem_weight, lambda: hem_term(*looks)),
         (config.move_weight, short_moves_term),
         (config.hands_apart_weight, lambda: hands_apart_term(*looks, apart)),
         (config.keep_out_weight if regions else 0.0, lambda: keep_out_term(regions)),
     ]
     goal_cost = goal_term if config.goal_cost == "squared" else expected_goal_term
-    terms = [(1.0, goal_cost(goal))]
+    terms = [(1.0, goal_cost(goal, goal_known))]
     terms += [(weight, make()) for weight, make in optional if weight > 0.0]
     loss = None
     if reach is not None:

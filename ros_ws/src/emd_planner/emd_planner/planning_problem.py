@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from emd_core.errors import InvalidInputError
 from emd_core.manipulation import Manipulation
 from emd_core.reach_map import ReachMap
 from emd_core.voxel_grid import VoxelGrid
 from emd_planner.config import PlannerConfig, Polygon, ReachConfig
-from emd_planner.cost import expected_goal_term, grasps_cloth, states_before
+from emd_planner.cost import expected_goal_term, goal_term, grasps_cloth, states_before
 from emd_planner.fold_plan import FoldPlan, PlanningProgress
 from emd_planner.interruption import TimeIsUp, ask_between_layers
 from emd_planner.into_reach import into_reach
@@ -20,7 +21,7 @@ from emd_planner.losses import state_loss
 from emd_planner.plan_cost import plan_cost
 from emd_planner.planner import SearchProgress, SearchResult, search
 from emd_planner.planning_net import planning_copy
-from emd_planner.silhouette import onto_silhouette, silhouettes
+from emd_planner.silhouette import columns_of, onto_silhouette, silhouettes
 from emd_planner.starts import guessed_sequences, random_values, with_one_hand
 from emd_planner.state_predictor import StatePredictor
 
@@ -63,7 +64,11 @@ class PlanningProblem:
         keep_out: Sequence[Polygon] = (),
         on_iteration: Callable[[PlanningProgress], None] | None = None,
     ) -> None:
-        """Prepare; the arguments are those of `emd_planner.plan.plan`."""
+        """Prepare; the arguments are those of `emd_planner.plan.plan`.
+
+        Raises:
+            InvalidInputError: If something hides all of the cloth, or a region is not convex.
+        """
         self._net, self._config = net, config
         self._fast_net = planning_copy(net, config.bfloat16)
         ask_between_layers(self._fast_net, lambda: self._watch())
@@ -73,6 +78,17 @@ class PlanningProblem:
         self._device = next(net.parameters()).device
         self._initial = torch.from_numpy(initial.occupancy).to(self._device)
         self._goal = torch.from_numpy(goal.occupancy).to(self._device)
+        self._goal_known = self._known_columns(goal)
+        # Where something hides the cloth no hand grasps, whatever was seen of it.
+        self._known = self._known_columns(initial)
+        self._graspable = self._initial
+        if self._known is not None:
+            self._graspable = self._initial & self._known[..., None]
+        if not self._graspable.any():
+            raise InvalidInputError(
+                "cloth that a hand can grasp is wanted, but all that is seen of it lies where "
+                "something hides it; take that away and look again"
+            )
         limits = [1.0] * 4 + [config.max_displacement] * 2
         self._limits = torch.tensor(limits, device=self._device)
         with torch.no_grad():
@@ -80,7 +96,13 @@ class PlanningProblem:
             reconstruction = state_loss(net.decode(self._code), self._initial.float())
         self._reconstruction_loss = float(reconstruction)
         self._cost = plan_cost(
-            config, self._initial, self._goal, self._field_of_view, reach, keep_out
+            config,
+            self._graspable,
+            self._goal,
+            self._field_of_view,
+            reach,
+            keep_out,
+            self._goal_known,
         )
         self.iterations = 0
 
@@ -135,6 +157,8 @@ class PlanningProblem:
     def fold_plan(self, candidate: Candidate, elapsed_ms: float) -> FoldPlan:
         """Turn a candidate into the planner's answer."""
         states = candidate.states.cpu().numpy()
+        outcome = candidate.states[None], candidate.values[None]
+        start = self._initial.float()[None, None], candidate.values[None]
         values = candidate.values.double().cpu().numpy()
         used = candidate.used.cpu().tolist()
         return FoldPlan(
@@ -144,9 +168,9 @@ class PlanningProblem:
             ],
             states,
             [VoxelGrid(state >= self._config.threshold, self._field_of_view) for state in states],
-            float(state_loss(candidate.states[-1:], self._goal.float())),
-            float(expected_goal_term(self._goal)(candidate.states[None], candidate.values[None])),
-            float((self._initial != self._goal).float().mean()),
+            float(goal_term(self._goal, self._goal_known)(*outcome)),
+            float(expected_goal_term(self._goal, self._goal_known)(*outcome)),
+            float(goal_term(self._goal, self._goal_known)(*start)),
             self._reconstruction_loss,
             candidate.reach_excess,
             elapsed_ms,
@@ -176,7 +200,7 @@ class PlanningProblem:
         values = random_values(
             count if guessed is None else count - guesses,
             steps,
-            silhouettes(self._initial) if config.start_on_cloth else None,
+            silhouettes(self._graspable) if config.start_on_cloth else None,
             generator,
             self._device,
             config.max_displacement,
@@ -191,7 +215,7 @@ class PlanningProblem:
         values, costs = _cheapest(values, costs, config.restarts)
         if not config.try_single_handed:
             return values, costs
-        silhouette = silhouettes(self._initial)
+        silhouette = silhouettes(self._graspable)
         single = torch.cat([with_one_hand(values, hand, silhouette, generator) for hand in (0, 1)])
         costs = torch.cat([costs, self._cost.total(self._predict(single), single)])
         return _cheapest(torch.cat([values, single]), costs, config.restarts)
@@ -211,7 +235,8 @@ class PlanningProblem:
     def _candidate(self, values: Tensor, cost: float) -> Candidate | None:
         """Adjust a sequence (n, 6) and predict it with the net itself.
 
-        None if a step of it grasps no cloth, or leaves the reach in which it must be kept.
+        None if a step of it grasps no cloth, the first one grasps where something hides the cloth,
+        or one leaves the reach in which it must be kept.
         """
         first = values
         for _ in range(_ADJUSTMENTS):
@@ -223,7 +248,7 @@ class PlanningProblem:
             values = adjusted
         else:
             states, _, used = self._foreseen(values)
-        if not used.any(1).all():
+        if not used.any(1).all() or self._is_hidden(values[0, :4].view(2, 2)[used[0]]):
             return None
         if values is not first:
             cost = float(self._cost.total(states[None], values[None]))
@@ -234,10 +259,23 @@ class PlanningProblem:
                 return None
         return Candidate(values, used, states, cost, excess * self._field_of_view.half_extent)
 
+    def _known_columns(self, grid: VoxelGrid) -> Tensor | None:
+        """Columns of a grid that nothing hides, boolean, shape (X, Y); None if that is all."""
+        if grid.unknown is None:
+            return None
+        return torch.from_numpy(~grid.unknown).to(self._device)
+
+    def _is_hidden(self, points: Tensor) -> bool:
+        """Whether one of some points (P, 2) lies in a column that something hides at the start."""
+        if self._known is None:
+            return False
+        columns = columns_of(points, self._known.shape[-1])
+        return not bool(self._known[columns[:, 0], columns[:, 1]].all())
+
     def _foreseen(self, values: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Give the states after and before each manipulation, and which hands grasp."""
         states = self._net.decode(torch.cat(self._net.roll_out(self._code, values[None])))
-        before = states_before(self._initial, states[None], self._config.threshold)[0]
+        before = states_before(self._graspable, states[None], self._config.threshold)[0]
         tolerance = self._config.grasp_tolerance_voxels
         return states, before, grasps_cloth(values, before, tolerance)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections import deque
 from pathlib import Path
 
 import numpy as np
@@ -33,12 +34,15 @@ from emd_core.ros.parameters import declare_config
 from emd_core.ros.results import set_error
 from emd_core.ros.spin import spin_node
 from emd_core.ros.worker import SingleWorker
+from emd_core.voxel_grid import VoxelGrid
 from emd_msgs_py.action import ExecuteManipulation
 from emd_msgs_py.msg import Manipulation as ManipulationMsg
+from emd_msgs_py.msg import VoxelGrid as VoxelGridMsg
 from emd_msgs_py.srv import CheckManipulation
 
 # Messages take a while to both controllers.
 _EXECUTION = ExecutionConfig(start_delay=0.05)
+_GRIDS = 5  # of the last observations; the points of the last one may come later than its grid
 
 
 class ExecutorNode(Node):
@@ -56,6 +60,8 @@ class ExecutorNode(Node):
         self._runner = ManipulationRunner(MotionPlanner(model), motion)
         self._paused = False
         self._points: PointCloud2 | None = None
+        self._grids: deque[VoxelGridMsg] = deque(maxlen=_GRIDS)
+        self.create_subscription(VoxelGridMsg, "perception/voxel_grid", self._grids.append, 5)
         self.create_subscription(PointCloud2, "perception/points", self._on_points, 5)
         self._markers = self.create_publisher(MarkerArray, "arm_executor/markers", 5)
         self._worker = SingleWorker(self, "moving the arms")
@@ -113,7 +119,14 @@ class ExecutorNode(Node):
                 "its hem is known"
             )
         points = conversions.points_from_message(self._points)
-        return manipulation, silhouette_from_points(points)
+        return manipulation, silhouette_from_points(points, grid=self._grid_of(self._points))
+
+    def _grid_of(self, points: PointCloud2) -> VoxelGrid | None:
+        """The grid of the observation that points are of, which tells what was hidden in it."""
+        for message in list(self._grids):
+            if message.header.stamp == points.header.stamp:
+                return conversions.voxel_grid_from_message(message)
+        return None
 
     async def _on_check(
         self, request: CheckManipulation.Request, response: CheckManipulation.Response

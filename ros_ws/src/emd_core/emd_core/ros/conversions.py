@@ -240,7 +240,7 @@ def image_from_message(message: Any) -> NDArray[Any]:
             f"the image claims {message.width} x {message.height} {message.encoding}, "
             f"{message.height * step} bytes, but carries {len(message.data)}; it was cut off"
         )
-    raw = np.frombuffer(bytes(message.data), dtype=np.uint8)[: message.height * step]
+    raw = np.frombuffer(bytearray(message.data), dtype=np.uint8)[: message.height * step]
     rows = np.ascontiguousarray(raw.reshape(message.height, step)[:, :row])
     image = rows.view(dtype).reshape(message.height, message.width, channels)
     image = image.astype(dtype.newbyteorder("="), copy=False)
@@ -264,9 +264,13 @@ def rgb_from_message(message: Any) -> NDArray[np.uint8]:
         raise InvalidInputError(
             f"a colour image (rgb8, bgr8, rgba8, bgra8, bayer_*) is needed, got {message.encoding}"
         )
-    if message.encoding.startswith(("bgr", "8UC3")):
-        return np.ascontiguousarray(image[..., 2::-1])
-    return np.ascontiguousarray(image[..., :3])  # rgb8 is passed on as it is
+    if message.encoding == "rgb8":
+        return image
+    order = (2, 1, 0) if message.encoding.startswith(("bgr", "8UC3")) else (0, 1, 2)
+    rgb = np.empty((*image.shape[:2], 3), dtype=np.uint8)
+    for channel, source in enumerate(order):  # several times as fast as one fancy index
+        rgb[..., channel] = image[..., source]
+    return rgb
 
 
 def camera_from_message(message: Any) -> PinholeCamera:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 from sensor_msgs.msg import Image, PointCloud2
@@ -31,7 +32,7 @@ class PerceptionMessages:
 def perception_messages(perception: Perception, pair: FramePair) -> PerceptionMessages:
     """Turn what was perceived in `pair` into messages with the stamp of its colour image."""
     header = _table_header(pair)
-    mask = perception.mask.astype("uint8") * 255
+    mask = perception.mask.view(np.uint8) * np.uint8(255)
     return PerceptionMessages(
         conversions.voxel_grid_to_message(perception.voxel_grid, header),
         conversions.image_to_message(mask, "mono8", pair.colour.header),
@@ -62,15 +63,16 @@ class PerceptionPublisher:
         self._mask.publish(messages.mask)
         self._points.publish(messages.points)
         grid = perception.voxel_grid
-        marker = voxel_marker(grid, _table_header(pair), "perceived")
-        self._markers.publish(MarkerArray(markers=[marker]))
+        if self._markers.get_subscription_count() > 0:  # a thousand points take milliseconds
+            marker = voxel_marker(grid, _table_header(pair), "perceived")
+            self._markers.publish(MarkerArray(markers=[marker]))
         level = DiagnosticStatus.OK if perception.quality >= 0.5 else DiagnosticStatus.WARN
         values = {
             "grid": "yes",
             "frames_dropped": str(dropped),
             "quality": f"{perception.quality:.3f}",
-            "cloth_pixels": str(int(perception.mask.sum())),
-            "occupied_voxels": str(int(grid.occupancy.sum())),
+            "cloth_pixels": str(np.count_nonzero(perception.mask)),
+            "occupied_voxels": str(np.count_nonzero(grid.occupancy)),
             "unknown_columns": str(grid.unknown_count),
             **{f"ms_{name}": f"{value:.1f}" for name, value in perception.milliseconds.items()},
         }
