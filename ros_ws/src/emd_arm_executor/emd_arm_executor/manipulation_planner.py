@@ -96,7 +96,7 @@ class ManipulationPlanner:
         config = self.config.hem
         found = [
             hem
-            for hem in find_hems(contours, point, config.candidates, config, direction)
+            for hem in find_hems(contours, point, config.candidates, config)
             if not silhouette.is_hidden(
                 hem.point_in_table, hem.outward_normal, config.hidden_reach
             )
