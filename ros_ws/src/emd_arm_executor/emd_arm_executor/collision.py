@@ -99,6 +99,14 @@ class CollisionChecker:
         """The pairs of links that are checked, without repetition."""
         return list(dict.fromkeys(self._names))
 
+    @property
+    def path_step(self) -> float:
+        """How finely a path must be sampled for `meeting` to miss nothing.
+
+        With so much from each joint, radians, no pair moves by more than twice the slack.
+        """
+        return 2.0 * self.config.slack / max(self.bound.largest, 1e-9)
+
     def contact(self, q: FloatArray) -> Contact | None:
         """Give a pair that touches in a configuration (nq,), or None."""
         found = pin.computeCollisions(
@@ -138,8 +146,8 @@ class CollisionChecker:
 
         Looks at the ends, then at the middle of what is not yet proven free by the clearances of
         its ends (`emd_arm_executor.motion_bound`), down to neighbouring rows. If no joint turns
-        farther than `CollisionConfig.path_step` between these, no pair comes nearer than its
-        margin less `CollisionConfig.slack` anywhere on the path.
+        farther than `path_step` between these, no pair comes nearer than its margin less
+        `CollisionConfig.slack` anywhere on the path.
 
         Args:
             configurations: The path, shape (N, nq), N >= 1.

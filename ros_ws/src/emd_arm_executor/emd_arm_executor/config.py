@@ -194,8 +194,6 @@ class CollisionConfig:
             nails give way.
         slack: How much nearer than its margin a pair may come between two checked configurations
             of a path, metres.
-        path_step: Largest change of a joint between neighbouring configurations of a path,
-            radians; all joints together move no pair by more than twice the slack with it.
         samples: Random configurations that decide which pairs of one arm can never touch.
         seed: Seed of these configurations.
     """
@@ -203,7 +201,6 @@ class CollisionConfig:
     margin: float = 0.003
     nail_penetration: float = 0.004
     slack: float = 0.001
-    path_step: float = 0.0003
     samples: int = 2000
     seed: int = 0
 

@@ -145,7 +145,7 @@ class ManipulationPlanner:
             ("retreat", paths.retreat, grasp.open_width),
         ):
             widths = dict.fromkeys(paths.arms, width)
-            _, positions = path.densely(self.config.collision.path_step)
+            _, positions = path.densely(self.robot.collision.path_step)
             rows = self.robot.configurations(others, path.joint_names, positions, widths)
             self.robot.collision.check_path(rows, name)
 

@@ -25,6 +25,11 @@ class MotionBound:
         both = (levers[first] > 0.0) & (levers[second] > 0.0)
         self._levers = np.where(both, 0.0, levers[first] + levers[second])
 
+    @property
+    def largest(self) -> float:
+        """The most that a pair moves while every joint moves by 1 radian or metre, metres."""
+        return float(self._levers.sum(axis=1).max(initial=0.0))
+
     def travel(self, turned: FloatArray) -> FloatArray:
         """Bound how far the links of each pair move against each other.
 

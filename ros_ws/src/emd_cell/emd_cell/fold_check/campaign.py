@@ -81,6 +81,7 @@ def _fold(
     phases: list[str] = []
 
     def follow(phase: str, progress: float) -> None:
+        """Count how often jaws begin to close."""
         on_phase(f"{phase} {progress:.0%}")
         if phase == _GRASP and (not phases or phases[-1] != _GRASP):
             record["grasps"] += 1

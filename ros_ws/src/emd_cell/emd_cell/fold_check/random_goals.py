@@ -51,10 +51,7 @@ def random_goal(planner: MotionPlanner, seed: int, index: int) -> FoldGoal:
     size = np.array(flat.config.side_lengths)
     silhouette = flat_silhouette(size, flat.config.thickness)
     while True:
-        points, displacement = random_fold(rng, size, bool(rng.random() < 0.5))
-        rows = np.full((2, 2), np.nan)
-        rows[: len(points)] = points
-        manipulation = Manipulation(rows, displacement)
+        manipulation = random_manipulation(rng, size)
         try:
             planner.plan_motion(manipulation, silhouette, planner.robot.description.rest)
         except CellError:
@@ -65,6 +62,14 @@ def random_goal(planner: MotionPlanner, seed: int, index: int) -> FoldGoal:
         change = voxel_mse(before, outcome)
         if change >= _LEAST_CHANGE:
             return FoldGoal(outcome, manipulation, change)
+
+
+def random_manipulation(rng: np.random.Generator, size: FloatArray) -> Manipulation:
+    """Draw a fold of a flat cloth of this size (2,), metres, by one hand or, as often, by both."""
+    points, displacement = random_fold(rng, size, bool(rng.random() < 0.5))
+    rows = np.full((2, 2), np.nan)
+    rows[: len(points)] = points
+    return Manipulation(rows, displacement)
 
 
 def fold_without_robot(manipulation: Manipulation) -> VoxelGrid | None:
