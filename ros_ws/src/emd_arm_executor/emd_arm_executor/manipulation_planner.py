@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from emd_arm_executor.config import MotionConfig
-from emd_arm_executor.grasp import displacement_keeping_crease
+from emd_arm_executor.grasp import displacements_keeping_creases
 from emd_arm_executor.grip_assignment import assignments, grip_sets
 from emd_arm_executor.grip_search import GripTask
 from emd_arm_executor.hand_paths import Grip, HandPaths, hand_paths
@@ -22,7 +22,7 @@ from emd_arm_executor.silhouette import Silhouette
 from emd_arm_executor.trajectory import TimedPath, time_path
 from emd_core.errors import CellError, CollisionError, NoHemError, OutOfReachError
 from emd_core.frames import FloatArray
-from emd_core.manipulation import Manipulation
+from emd_core.independent_manipulation import HandsManipulation
 
 # A joint nearer to its rest position than this needs no move, radians.
 AT_REST = 1e-3
@@ -40,7 +40,7 @@ class ManipulationPlanner:
 
     def plan(
         self,
-        manipulation: Manipulation,
+        manipulation: HandsManipulation,
         silhouette: Silhouette,
         contours: Sequence[HemContour],
         joint_positions: Mapping[str, float],
@@ -49,7 +49,7 @@ class ManipulationPlanner:
         """Plan approach, grasp, carrying, release, retreat and the way home.
 
         Args:
-            manipulation: Grasp points and displacement in the table frame.
+            manipulation: Grasp points and displacements in the table frame.
             silhouette: The cloth.
             contours: Its outlines.
             joint_positions: Where the robot's joints are, radians; the torso as it is locked.
@@ -59,19 +59,28 @@ class ManipulationPlanner:
             NoHemError: If no hem lies near a grasp point.
             OutOfReachError: If no candidate is within reach.
             CollisionError: If every candidate within reach touches something.
-            InvalidInputError: If the displacement is too short or a joint is missing.
+            InvalidInputError: If a displacement is too short or a joint is missing.
         """
         used = np.array(manipulation.used)
-        points = manipulation.grasp_points_in_table[used]
-        hems = [self._hems(contours, point, avoid_in_table) for point in points]
+        tasks = [
+            GripTask(
+                point,
+                displacement,
+                self._hems(contours, point, avoid_in_table),
+                silhouette,
+                self.config,
+            )
+            for point, displacement in zip(
+                manipulation.grasp_points_in_table[used],
+                manipulation.displacements_in_table[used],
+                strict=True,
+            )
+        ]
         rejected: list[CellError] = []
-        task = GripTask(manipulation.displacement_in_table, silhouette, self.config)
-        for searches in assignments(self.robot, points, hems, task):
+        for searches in assignments(self.robot, tasks):
             for grips in grip_sets(searches, self.config.grasp.max_pairs):
                 try:
-                    return self._complete(
-                        grips, manipulation, points, silhouette, joint_positions, rejected
-                    )
+                    return self._complete(grips, tasks, joint_positions, rejected)
                 except (OutOfReachError, CollisionError) as err:
                     rejected.append(_of_arms(err, grips))
             rejected.extend(reason for search in searches for reason in search.rejected)
@@ -99,20 +108,19 @@ class ManipulationPlanner:
     def _complete(
         self,
         grips: Sequence[Grip],
-        manipulation: Manipulation,
-        points: FloatArray,
-        silhouette: Silhouette,
+        tasks: Sequence[GripTask],
         joint_positions: Mapping[str, float],
         rejected: Sequence[CellError],
     ) -> MotionPlan:
-        """Check the whole motion with these grips and time it."""
-        displacement = manipulation.displacement_in_table
+        """Check the whole motion with these grips, one for each task, and time it."""
+        displacements = np.stack([task.displacement_in_table for task in tasks])
         if self.config.grasp.keep_crease:
+            points = np.stack([task.point_in_table for task in tasks])
             grasps = [grip.grasp for grip in grips]
-            displacement = displacement_keeping_crease(
-                displacement, points, grasps, self.config.grasp.jaw_depth
+            displacements = displacements_keeping_creases(
+                displacements, points, grasps, self.config.grasp.jaw_depth
             )
-        paths = hand_paths(self.robot, grips, displacement, silhouette, self.config)
+        paths = hand_paths(self.robot, grips, displacements, tasks[0].silhouette, self.config)
         resting = self._resting(paths.arms, joint_positions)
         self._check_contact(paths, resting)
         approach = self._approach(paths, joint_positions)
@@ -121,7 +129,7 @@ class ManipulationPlanner:
             phases=self._phases(paths, approach, home),
             grasps={grip.arm: grip.grasp for grip in grips},
             via_poses_in_table=dict(zip(paths.arms, paths.via_poses_in_table, strict=True)),
-            displacement_in_table=displacement,
+            displacements_in_table=dict(zip(paths.arms, displacements, strict=True)),
             rejected=tuple(str(reason) for reason in rejected),
         )
 

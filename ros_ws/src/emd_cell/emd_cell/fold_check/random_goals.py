@@ -14,6 +14,7 @@ from emd_cloth_sim.config import ClothConfig
 from emd_cloth_sim.manipulate import manipulate
 from emd_core.errors import CellError, SimulationError
 from emd_core.frames import FieldOfView, FloatArray
+from emd_core.independent_manipulation import HandsManipulation
 from emd_core.manipulation import Manipulation
 from emd_core.metrics import voxel_mse
 from emd_core.voxel_grid import VoxelGrid, voxelise
@@ -72,7 +73,7 @@ def random_manipulation(rng: np.random.Generator, size: FloatArray) -> Manipulat
     return Manipulation(rows, displacement)
 
 
-def fold_without_robot(manipulation: Manipulation) -> VoxelGrid | None:
+def fold_without_robot(manipulation: HandsManipulation) -> VoxelGrid | None:
     """Give what a manipulation makes of the cell's flat cloth; None if that cannot be believed."""
     cloth = Cloth(ClothConfig())
     try:
