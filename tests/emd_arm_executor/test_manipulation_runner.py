@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from emd_arm_executor.executor import MotionExecutor
+from emd_arm_executor.executor import ClothLostError, MotionExecutor
 from emd_arm_executor.manipulation_runner import ManipulationRunner, RunCallbacks
 from emd_arm_executor.mock_robot import MockRobot
-from emd_arm_executor.motion_plan import MotionPlan
+from emd_arm_executor.motion_plan import MotionPlan, PhaseName
 from emd_arm_executor.motion_planner import MotionPlanner
 from emd_arm_executor.robot_model import RobotModel
 from emd_arm_executor.silhouette import Silhouette
@@ -145,3 +145,27 @@ def test_a_moved_cloth_is_not_grasped_again(
     with pytest.raises(GraspFailedError, match="closed on nothing.*plan anew.*arms are home"):
         runner.run(task([[0.16, -0.16]], [-0.1, 0.1]), towel())
     assert camera.looks == 1
+
+
+def test_lost_cloth_is_not_grasped_again(
+    runner: ManipulationRunner,
+    jaws: EmptyJaws,
+    robot: RobotModel,
+    towel: Callable[..., Silhouette],
+    task: Callable[..., Manipulation],
+) -> None:
+    """Cloth that slipped out on the way lies somewhere else: arms go home and say so."""
+    jaws.misses, plans = 0, []
+
+    def slip(plan: MotionPlan, phase: PhaseName, progress: float) -> None:
+        if phase is PhaseName.CARRY:
+            jaws.holding_width = 0.0
+            for arm in plan.grasps:
+                MockRobot.send_gripper(jaws, arm, 0.0)
+
+    callbacks = RunCallbacks(on_plan=plans.append, on_progress=slip)
+    with pytest.raises(ClothLostError, match="slipped out.*both arms are home"):
+        runner.run(task([[0.16, -0.16]], [-0.1, 0.1]), towel(), callbacks)
+    assert len(plans) == 1
+    end = robot.arm_positions(("left", "right"), jaws.joint_positions())
+    assert end == pytest.approx(robot.rest_positions(("left", "right")), abs=1e-5)

@@ -14,6 +14,7 @@ from emd_arm_executor.robot_model import RobotModel
 from emd_arm_executor.silhouette import Silhouette
 from emd_core.frames import FloatArray
 from emd_core.manipulation import Manipulation
+from emd_core.simulated_cloth import Jaws
 
 pytest.importorskip("pybullet")
 
@@ -35,15 +36,19 @@ class _Sheet:
         self.last: dict[int, FloatArray] = {}
         self.released: list[int] = []
 
-    def grasp(self, hand: int, transform_tool_to_table: FloatArray) -> int:
+    def grasp(self, hand: int, transform_tool_to_table: FloatArray, jaws: Jaws) -> int:
         self.grasped[hand] = transform_tool_to_table.copy()
         return 9
+
+    def held_count(self, hand: int) -> int:
+        return 9 if hand in self.grasped and hand not in self.released else 0
 
     def move_hand(self, hand: int, transform_tool_to_table: FloatArray) -> None:
         self.last[hand] = transform_tool_to_table.copy()
 
     def release(self, hand: int) -> None:
-        self.released.append(hand)
+        if self.held_count(hand):
+            self.released.append(hand)
 
     def advance(self, duration: float) -> None:
         return None

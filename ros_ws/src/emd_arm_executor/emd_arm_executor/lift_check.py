@@ -55,5 +55,5 @@ def changed_share(
     offsets = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
     places = point_in_table + offsets[np.hypot(*offsets.T) <= radius]
     first, second = before.covers(places), after.covers(places)
-    either = np.count_nonzero(first | second)
-    return float(np.count_nonzero(first ^ second) / max(either, 1))
+    either = int(np.count_nonzero(first | second))
+    return int(np.count_nonzero(first ^ second)) / max(either, 1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from emd_arm_executor.executor import MotionExecutor, ShouldStop
+from emd_arm_executor.executor import ClothLostError, MotionExecutor, ShouldStop
 from emd_arm_executor.lift_check import unmoved_arms
 from emd_arm_executor.motion_plan import MotionPlan, PhaseName
 from emd_arm_executor.motion_planner import MotionPlanner
@@ -73,8 +73,9 @@ class ManipulationRunner:
             The plan that was carried out.
 
         Raises:
-            GraspFailedError: If the second grasp fails as well, no other hem can be grasped, or
-                one of two hands took the cloth along and the other did not; the arms are home.
+            GraspFailedError: If the second grasp fails as well, no other hem can be grasped, one
+                of two hands took the cloth along and the other did not, or cloth slipped out on
+                the way; the arms are home.
             CellError: As the planner and the executor raise them.
         """
         callbacks = callbacks or RunCallbacks()
@@ -128,7 +129,8 @@ class ManipulationRunner:
         """Carry out a plan; give the failure of a grasp that left the cloth where it was.
 
         Raises:
-            GraspFailedError: If a grasp failed but the cloth has moved; the arms are home.
+            GraspFailedError: If a grasp failed but the cloth has moved, or it was lost on the way;
+                the arms are home.
         """
         callbacks.on_plan(plan)
         failure = None
@@ -139,6 +141,9 @@ class ManipulationRunner:
                 callbacks.should_stop,
                 callbacks.should_pause,
             )
+        except ClothLostError as err:
+            self.go_home(callbacks)
+            raise ClothLostError(f"{err}; both arms are home") from err
         except GraspFailedError as err:
             failure = err
             self.go_home(callbacks)
