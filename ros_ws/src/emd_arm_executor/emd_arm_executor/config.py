@@ -62,7 +62,8 @@ class HemConfig:
             nine tenths of a cell are used.
         corner_angle: Least turn that counts as a corner, radians.
         corner_radius: Distance from a corner within which its bisector is used, metres.
-        failed_radius: Distance from a failed grasp within which a hem is not tried again, metres.
+        failed_radius: Distance from a failed grasp within which a hem is not tried again, metres;
+            less than `corner_inset`, so that beside a corner both its edges remain.
         corner_inset: Distance that a grasp on an edge keeps from the edge's ends, metres.
     """
 
@@ -74,7 +75,7 @@ class HemConfig:
     corner_tolerance: float = 0.006
     corner_angle: float = 0.35
     corner_radius: float = 0.03
-    failed_radius: float = 0.02
+    failed_radius: float = 0.012
     corner_inset: float = 0.015
 
 
