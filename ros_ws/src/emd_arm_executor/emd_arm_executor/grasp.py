@@ -53,10 +53,11 @@ class GraspPose:
         cosine, sine = np.cos(self.tilt), np.sin(self.tilt)
         opening = cosine * inward + sine * up
         fingers = sine * inward - cosine * up
+        across = np.array([self.direction[1], -self.direction[0], 0.0])
         if self.flipped:
-            opening = -opening
+            opening, across = -opening, -across
         transform = np.eye(4)
-        transform[:3, :3] = np.stack([opening, np.cross(fingers, opening), fingers], axis=1)
+        transform[:3, :3] = np.stack([opening, across, fingers], axis=1)
         transform[:3, 3] = self.position_in_table - retraction * inward + rise * up
         return transform
 

@@ -139,10 +139,12 @@ def carrying_poses(
     if share_displacement(displacements_in_table):
         groups = groups.T
     ways = [_way(held[g], displacements_in_table[g[0]], silhouette, config) for g in groups]
-    count = max(len(carry_poses(*way, config.path)) for way in ways)
+    points = [carry_poses(*way, config.path) for way in ways]
+    count = max(len(point) for point in points)
     carried = np.empty((len(held), count, 4, 4))
-    for group, way in zip(groups, ways, strict=True):
-        point = carry_poses(*way, config.path, count)
+    for group, way, point in zip(groups, ways, points, strict=True):
+        if len(point) < count:
+            point = carry_poses(*way, config.path, count)
         relative = inverse_transform(point[0]) @ held[group]
         carried[group] = np.einsum("nij,hjk->hnik", point, relative)
     up = carried[:, -1].copy()
