@@ -22,12 +22,15 @@ from emd_arm_executor.reach_map import cached_reach_map
 from emd_arm_executor.robot_description import hiro_description
 from emd_arm_executor.robot_model import RobotModel
 from emd_cell.bench import BenchmarkResult
-from emd_cell.fold_check.random_goals import flat_silhouette, fold_without_robot, true_grid
-from emd_cell.motion_check.random_tasks import random_fold
+from emd_cell.fold_check.random_goals import (
+    flat_silhouette,
+    fold_without_robot,
+    random_manipulation,
+    true_grid,
+)
 from emd_cloth_sim.cloth import Cloth
 from emd_cloth_sim.config import ClothConfig
 from emd_core.errors import CellError, NoPlanError
-from emd_core.manipulation import Manipulation
 from emd_core.metrics import voxel_mse
 from emd_core.reach_map import ReachMap
 from emd_core.voxel_grid import VoxelGrid
@@ -79,10 +82,7 @@ def _goal(index: int) -> VoxelGrid:
     rng = np.random.default_rng((SEED, index))
     size = np.array(ClothConfig().side_lengths)
     while True:
-        points, displacement = random_fold(rng, size, bool(rng.random() < 0.5))
-        rows = np.full((2, 2), np.nan)
-        rows[: len(points)] = points
-        outcome = fold_without_robot(Manipulation(rows, displacement))
+        outcome = fold_without_robot(random_manipulation(rng, size))
         if outcome is not None:
             return outcome
 

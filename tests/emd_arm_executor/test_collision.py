@@ -115,7 +115,7 @@ def test_a_touch_between_distant_free_postures_is_found(robot: RobotModel) -> No
     across = [_hand_at(robot, "left", 0.0, y, 0.08) for y in (-0.30, 0.30)]
     still = _hand_at(robot, "right", 0.0, 0.0, 0.08)
     path = JointPath.straight(robot.joint_names(["left"]), *across)
-    _, positions = path.densely(robot.config.collision.path_step)
+    _, positions = path.densely(robot.collision.path_step)
     names = robot.joint_names(["right"])
     others = dict(zip(names, still.tolist(), strict=True))
     rows = robot.configurations(others, path.joint_names, positions, {})
@@ -134,10 +134,26 @@ def test_what_a_path_keeps_is_proven(robot: RobotModel, seed: int) -> None:
     checker, names = robot.collision, robot.joint_names(["left", "right"])
     rest = robot.rest_positions(["left", "right"])
     path = JointPath.straight(names, rest, rest + rng.normal(0.0, 0.25, len(rest)))
-    _, positions = path.densely(robot.config.collision.path_step)
+    _, positions = path.densely(robot.collision.path_step)
     rows = robot.configurations({}, names, positions, {})
     least = min(float(checker.clearances(q).min()) for q in rows[::4])
     if checker.meeting(rows) is None:
         assert least > -checker.config.slack
     else:
         assert least < checker.config.slack
+
+
+def test_neighbours_on_a_densely_sampled_path_prove_it(robot: RobotModel) -> None:
+    """However unevenly a path runs, no pair moves by more than twice the slack between rows."""
+    rng = np.random.default_rng(3)
+    checker, names = robot.collision, robot.joint_names(["left", "right"])
+    rest = robot.rest_positions(["left", "right"])
+    knots = np.cumsum(rng.choice([0.01, 1.0], 12))
+    path = JointPath.through(names, rest + rng.normal(0.0, 0.2, (12, len(rest))), knots)
+    _, positions = path.densely(checker.path_step)
+    rows = robot.configurations({}, names, positions, {})
+    steps = np.abs(np.diff(rows, axis=0))
+    assert steps.max() <= checker.path_step * (1.0 + 1e-6)
+    travel = max(float(checker.bound.travel(step).max()) for step in steps[::50])
+    assert travel <= 2.0 * checker.config.slack
+    assert len(rows) < 3.0 * np.abs(steps).sum(axis=0).max() / checker.path_step

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from emd_arm_executor.executor import MotionExecutor
+from emd_arm_executor.executor import ClothLostError, MotionExecutor
 from emd_arm_executor.mock_robot import MockRobot
 from emd_arm_executor.motion_limits import MotionLimits
 from emd_arm_executor.motion_plan import MotionPlan, PhaseName
@@ -150,6 +150,21 @@ def test_empty_jaws_are_noticed(half_fold: MotionPlan, mock: MockRobot, robot: R
     with pytest.raises(GraspFailedError, match="left and right"):
         MotionExecutor(mock, robot).run(half_fold)
     assert mock.now() < _phase_start(half_fold, PhaseName.CARRY) + 0.01
+
+
+def test_cloth_lost_on_the_way_is_noticed(
+    half_fold: MotionPlan, mock: MockRobot, robot: RobotModel
+) -> None:
+    """Jaws that close on nothing while they carry end the motion before the release."""
+
+    def lose(phase: PhaseName, progress: float) -> None:
+        if phase is PhaseName.CARRY and progress > 0.5:
+            mock.holding_width = 0.0
+            mock.send_gripper("right", 0.0)
+
+    with pytest.raises(ClothLostError, match="the right jaws.*slipped out"):
+        MotionExecutor(mock, robot).run(half_fold, lose)
+    assert mock.now() < _phase_start(half_fold, PhaseName.RELEASE) + 0.01
 
 
 def test_wrong_start_is_noticed(half_fold: MotionPlan, mock: MockRobot, robot: RobotModel) -> None:

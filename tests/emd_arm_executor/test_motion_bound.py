@@ -41,6 +41,7 @@ def test_levers_are_the_lengths_up_to_each_link() -> None:
     arm = bound.travel(np.array([0.0, 1.0, 0.0]))
     assert arm == pytest.approx([extent, LENGTH + DRAWER + extent, 0.0])
     assert bound.travel(np.array([0.0, 0.0, 0.1])) == pytest.approx([0.0, 0.1, 0.1])
+    assert bound.largest == pytest.approx(bound.travel(np.ones(3)).max())
 
 
 def test_no_distance_changes_by_more_than_the_bound() -> None:

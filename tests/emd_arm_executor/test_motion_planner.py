@@ -245,8 +245,8 @@ def test_crease_stays_where_the_plan_put_it(
     """A grasp point inside the cloth is moved to the hem and the displacement lengthened."""
     plan = planner.plan_motion(task([[-0.16, -0.1]], [0.16, 0.0]), towel(), _rest(robot))
     (grasp,) = plan.grasps.values()
-    assert plan.displacement_in_table is not None
-    span = float(np.linalg.norm(plan.displacement_in_table)) + 2 * GraspConfig().jaw_depth
+    (displacement,) = plan.displacements_in_table.values()
+    span = float(np.linalg.norm(displacement)) + 2 * GraspConfig().jaw_depth
     assert grasp.held_point_in_table[0] + span / 2 == pytest.approx(-0.16 + 0.08, abs=1e-6)
 
 
@@ -258,7 +258,7 @@ def test_crease_correction_can_be_switched_off(
     plan = MotionPlanner(robot, config).plan_motion(
         task([[-0.16, -0.1]], [0.16, 0.0]), towel(), _rest(robot)
     )
-    assert plan.displacement_in_table == pytest.approx([0.16, 0.0])
+    assert plan.displacements_in_table["left"] == pytest.approx([0.16, 0.0])
     poses = plan.via_poses_in_table["left"]
     assert poses[-1, :2, 3] - poses[0, :2, 3] == pytest.approx([0.16, 0.0], abs=1e-9)
 

@@ -63,7 +63,7 @@ def test_a_second_robot_needs_a_description_only(
     assert {sent.group for sent in mock.sent} == {"left_arm", "right_arm"}
     carried = plan.via_poses_in_table["left"]
     moved = carried[-1][:2, 3] - carried[0][:2, 3]
-    assert moved == pytest.approx(plan.displacement_in_table, abs=1e-9)
+    assert moved == pytest.approx(plan.displacements_in_table["left"], abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -133,3 +133,11 @@ def test_height_near_looks_at_every_cell_within_the_radius() -> None:
         near = np.linalg.norm(centres - point, axis=1) <= radius + 0.0075
         expected = max((silhouette.heights[tuple(cell)] for cell in cells[near]), default=0.0)
         assert silhouette.height_near(point, radius) == expected
+
+
+def test_points_are_covered_by_the_cell_they_lie_in() -> None:
+    """Also at the edges between cells; what lies outside the raster is bare."""
+    mask = np.array([[True, False], [False, True]])
+    silhouette = Silhouette(mask, np.array([0.01, 0.02]), np.array([-0.01, 0.0]))
+    places = [[-0.005, 0.01], [-0.005, 0.03], [0.0, 0.02], [0.011, 0.03], [-0.011, 0.01]]
+    assert silhouette.covers(np.array(places)).tolist() == [True, False, True, False, False]

@@ -6,12 +6,12 @@ import pytest
 from emd_cloth_sim.cloth import Cloth
 from emd_cloth_sim.config import ClothConfig
 from emd_cloth_sim.hem import cloth_corners, hem_vertices, outline_corners
-from emd_cloth_sim.independent_hands import IndependentManipulation
 from emd_cloth_sim.manipulate import manipulate
 from emd_cloth_sim.neat_folds import neat_fold
 from emd_cloth_sim.random_manipulation import MODES, ManipulationRule
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FieldOfView
+from emd_core.independent_manipulation import IndependentManipulation
 from emd_core.manipulation import Manipulation
 
 CONFIG = ClothConfig(vertices=(11, 11))

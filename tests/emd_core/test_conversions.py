@@ -8,6 +8,7 @@ from std_msgs.msg import Header
 
 from emd_core.errors import CellError, ErrorCode, InvalidInputError, error_from_code
 from emd_core.frames import FieldOfView, transform_from_pose
+from emd_core.independent_manipulation import IndependentManipulation
 from emd_core.lens_distortion import LensDistortion
 from emd_core.manipulation import Manipulation
 from emd_core.pinhole_camera import PinholeCamera
@@ -104,9 +105,26 @@ def test_grasp_directions_there_and_back_again() -> None:
     assert conversions.manipulation_from_message(free).grasp_directions_in_table is None
 
 
+@pytest.mark.parametrize("unused", [False, True])
+def test_ways_of_their_own_there_and_back_again(unused: bool) -> None:
+    """Each hand keeps its displacement; where one is wanted for both, it is refused."""
+    points, ways = np.array([[0.1, -0.2], [0.2, 0.3]]), np.array([[0.0, 0.3], [-0.1, 0.2]])
+    if unused:
+        points[1], ways[1] = np.nan, np.nan
+    message = conversions.manipulation_to_message(IndependentManipulation(points, ways), HEADER)
+    again = conversions.hands_manipulation_from_message(message)
+    assert isinstance(again, IndependentManipulation)
+    assert np.array_equal(again.grasp_points_in_table, points, equal_nan=True)
+    assert np.array_equal(again.displacements_in_table, ways, equal_nan=True)
+    with pytest.raises(InvalidInputError, match="leave `displacements` empty"):
+        conversions.manipulation_from_message(message)
+
+
 @pytest.mark.parametrize(
     "message",
     [
+        ManipulationMsg(used=[True, True], displacements=[Vector3(x=0.1)]),
+        ManipulationMsg(used=[True, False], displacements=[Vector3(x=float("nan")), Vector3()]),
         ManipulationMsg(grasp_points=[Point(x=float("nan")), Point()], used=[True, False]),
         ManipulationMsg(used=[False, False]),
         ManipulationMsg(used=[True, True], displacement=Vector3(x=float("inf"))),

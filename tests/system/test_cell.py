@@ -17,6 +17,7 @@ from emd_core.errors import (
     OutOfReachError,
 )
 from emd_core.frames import FieldOfView
+from emd_core.independent_manipulation import IndependentManipulation
 from emd_core.manipulation import Manipulation
 from emd_core.metrics import silhouette_iou, voxel_mse
 from emd_core.ros import conversions
@@ -60,6 +61,18 @@ def test_the_arms_fold_the_cloth_in_half(client, fresh_cloth) -> None:
         "approach", "grasp", "carry", "release", "retreat", "home",
     ]  # fmt: skip
     assert np.abs(done.grasp_points_in_table[:, 0] + 0.2).max() < 0.03
+
+
+def test_each_hand_goes_its_own_way(client, fresh_cloth) -> None:
+    """A goal with a displacement for each hand moves both corners by their own."""
+    client.capture()
+    ways = np.array([[0.30, 0.10], [0.15, -0.04]])
+    before = client.true_grid()
+    done = client.execute(IndependentManipulation(HALF.grasp_points_in_table, ways))
+    assert isinstance(done, IndependentManipulation)
+    lengths = np.linalg.norm(done.displacements_in_table, axis=1)
+    assert sorted(lengths) == pytest.approx(sorted(np.linalg.norm(ways, axis=1)), abs=0.05)
+    assert voxel_mse(client.true_grid(), before) > 0.01
 
 
 def test_a_plan_comes_with_feedback_and_predictions(client, fresh_cloth) -> None:

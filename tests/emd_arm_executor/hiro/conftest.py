@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from emd_arm_executor.hiro.world import HiroWorld
 from emd_core.frames import FloatArray
+from emd_core.simulated_cloth import Jaws
 
 
 class RigidCloth:
@@ -26,6 +27,8 @@ class RigidCloth:
         self._triangles = np.concatenate([p.reshape(-1, 3) for p in pairs]).astype(np.int32)
         self.log: list[tuple[str, int]] = []
         self.hand_poses: dict[int, FloatArray] = {}
+        self.jaws: dict[int, Jaws] = {}
+        self.held = [0, 0]
         self.time = 0.0
         self.at_rest = True
 
@@ -49,20 +52,27 @@ class RigidCloth:
         """Whatever the test says."""
         return self.at_rest
 
-    def grasp(self, hand: int, transform_tool_to_table: FloatArray) -> int:
+    def grasp(self, hand: int, transform_tool_to_table: FloatArray, jaws: Jaws) -> int:
         """Hold one vertex if the tool is over the sheet and near the desk."""
         self.log.append(("grasp", hand))
-        self.hand_poses[hand] = transform_tool_to_table
+        self.hand_poses[hand], self.jaws[hand] = transform_tool_to_table, jaws
         position = transform_tool_to_table[:3, 3]
-        return int(np.abs(position[:2]).max() < 0.2 and abs(position[2]) < 0.05)
+        self.held[hand] = int(np.abs(position[:2]).max() < 0.2 and abs(position[2]) < 0.05)
+        return self.held[hand]
+
+    def held_count(self, hand: int) -> int:
+        """What it took, unless the test says that it slipped out."""
+        return self.held[hand]
 
     def move_hand(self, hand: int, transform_tool_to_table: FloatArray) -> None:
         """Note the pose."""
         self.hand_poses[hand] = transform_tool_to_table
 
     def release(self, hand: int) -> None:
-        """Note the opening."""
-        self.log.append(("release", hand))
+        """Note the opening of a hand that holds something."""
+        if self.held[hand]:
+            self.log.append(("release", hand))
+        self.held[hand] = 0
 
     def advance(self, duration: float) -> None:
         """Let time pass."""

@@ -66,6 +66,29 @@ def test_jaws_stop_at_the_cloth_they_hold(cloth) -> None:
         assert world.gripper_width(0) == pytest.approx(cloth.thickness, abs=2e-4)
 
 
+def test_fingers_enclose_what_they_closed_around(cloth) -> None:
+    """The cloth is told the space between the jaws when they close, and how deep they were."""
+    with HiroWorld(posture=posture_over_cloth()) as world:
+        simulation = CellSimulation(world, cloth)
+        simulation.follow("left_gripper", move("left_gripper", GRIPPER.joints_from_width(0.0)))
+        simulation.step(1.0)
+    jaws, limit = cloth.jaws[0], simulation.config.grasp_width
+    assert 0.9 * limit < jaws.upper[0] - jaws.lower[0] < limit
+    assert jaws.upper[2] == pytest.approx(GRIPPER.tip_advance(2 * GRIPPER.half_gap), abs=1e-4)
+
+
+def test_jaws_close_when_cloth_slips_out(cloth) -> None:
+    """Jaws from which the cloth has been pulled close fully, so that the loss is measured."""
+    with HiroWorld(posture=posture_over_cloth()) as world:
+        simulation = CellSimulation(world, cloth)
+        simulation.follow("left_gripper", move("left_gripper", GRIPPER.joints_from_width(0.0)))
+        simulation.step(1.0)
+        cloth.held[0] = 0
+        simulation.step(0.2)
+        assert simulation.held_vertices == (0, 0)
+        assert world.gripper_width(0) == pytest.approx(0.0, abs=2e-4)
+
+
 def test_jaws_close_fully_on_nothing(world, cloth) -> None:
     """A hand that closes beside the cloth holds nothing, closes to 0, and needs no release."""
     simulation = CellSimulation(world, cloth)

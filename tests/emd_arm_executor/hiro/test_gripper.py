@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from emd_arm_executor.hiro.description import JOINT_LIMITS
+from emd_arm_executor.hiro.figures.shapes import NAIL_WIDTH
 from emd_arm_executor.hiro.gripper import GripperGeometry
 from emd_core.errors import InvalidInputError
 
@@ -58,3 +59,14 @@ def test_tips_move_on_a_circle(world) -> None:
         in_tool = np.linalg.inv(tool) @ tip
         assert in_tool[2] == pytest.approx(GRIPPER.tip_advance(width), abs=2e-4)
         assert abs(in_tool[0]) == pytest.approx(width / 2, abs=2e-4)
+
+
+@given(st.floats(0.012, 0.05), st.floats(0.0, 0.012))
+def test_fingers_enclose_what_the_nails_have_been_under(opened: float, width: float) -> None:
+    """The box is as wide as the jaws are open and reaches as deep as the tips have been."""
+    jaws = GRIPPER.enclosed(opened, width)
+    passed = [GRIPPER.tip_advance(w) for w in np.linspace(width, opened, 200)]
+    assert jaws.upper[2] == pytest.approx(max(passed), abs=1e-5)
+    assert jaws.upper[0] - jaws.lower[0] == pytest.approx(width)
+    assert jaws.upper[1] - jaws.lower[1] == pytest.approx(NAIL_WIDTH)
+    assert -0.06 < jaws.lower[2] < -0.05

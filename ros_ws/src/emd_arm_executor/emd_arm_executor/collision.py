@@ -99,6 +99,14 @@ class CollisionChecker:
         """The pairs of links that are checked, without repetition."""
         return list(dict.fromkeys(self._names))
 
+    @property
+    def path_step(self) -> float:
+        """How finely a path must be sampled for `meeting` to miss nothing.
+
+        With so much from each joint, radians, no pair moves by more than twice the slack.
+        """
+        return 2.0 * self.config.slack / max(self.bound.largest, 1e-9)
+
     def contact(self, q: FloatArray) -> Contact | None:
         """Give a pair that touches in a configuration (nq,), or None."""
         found = pin.computeCollisions(
@@ -137,33 +145,38 @@ class CollisionChecker:
         """Find a place where a path touches something that is not ignored.
 
         Looks at the ends, then at the middle of what is not yet proven free by the clearances of
-        its ends (`emd_arm_executor.motion_bound`), down to neighbouring rows. If no joint turns
-        farther than `CollisionConfig.path_step` between these, no pair comes nearer than its
-        margin less `CollisionConfig.slack` anywhere on the path.
+        its ends (`emd_arm_executor.motion_bound`), down to neighbouring rows, each time at those
+        pairs only that are not. If no joint turns farther than `path_step` between these, no pair
+        comes nearer than its margin less `CollisionConfig.slack` anywhere on the path.
 
         Args:
             configurations: The path, shape (N, nq), N >= 1.
             ignored: Pairs that may touch.
         """
         turned = np.abs(np.diff(configurations, axis=0, prepend=configurations[:1])).cumsum(axis=0)
-        counted = np.array([pair not in ignored for pair in self._names])
+        pairs = np.flatnonzero([pair not in ignored for pair in self._names])
         ends = (0, len(configurations) - 1)
         rooms = []
         for index in ends:
-            rooms.append(self.clearances(configurations[index])[counted])
+            rooms.append(self.clearances(configurations[index])[pairs])
             if (rooms[-1] <= 0.0).any():
-                return self._meeting(rooms[-1], counted, index / max(ends[1], 1))
-        open_parts = deque([(*ends, *rooms)])
+                return self._meeting(rooms[-1], pairs, index / max(ends[1], 1))
+        open_parts = deque([(*ends, pairs, *rooms)])
         while open_parts:
-            first, last, before, after = open_parts.popleft()
-            travel = self.bound.travel(turned[last] - turned[first])[counted]
-            if last - first < 2 or (travel < before + after + 2.0 * self.config.slack).all():
+            first, last, pairs, before, after = open_parts.popleft()
+            travel = self.bound.travel(turned[last] - turned[first], pairs)
+            unproven = travel >= before + after + 2.0 * self.config.slack
+            if last - first < 2 or not unproven.any():
                 continue
+            pairs, before, after = pairs[unproven], before[unproven], after[unproven]
             middle = (first + last) // 2
-            room = self.clearances(configurations[middle])[counted]
+            room = self._clearances_of(pairs, configurations[middle])
             if (room <= 0.0).any():
-                return self._meeting(room, counted, middle / ends[1])
-            open_parts += [(first, middle, before, room), (middle, last, room, after)]
+                return self._meeting(room, pairs, middle / ends[1])
+            open_parts += [
+                (first, middle, pairs, before, room),
+                (middle, last, pairs, room, after),
+            ]
         return None
 
     def refusal(self, name: str, meeting: Meeting) -> CollisionError:
@@ -194,9 +207,18 @@ class CollisionChecker:
         both = {branches[contact.first], branches[contact.second]}
         return {branch.split(" ")[0] for branch in both} - {""}
 
-    def _meeting(self, room: FloatArray, counted: NDArray[np.bool_], share: float) -> Meeting:
-        """Name the pair with the least clearance of those that count."""
-        return Meeting(self._names[int(np.flatnonzero(counted)[room.argmin()])], share)
+    def _clearances_of(self, pairs: NDArray[np.intp], q: FloatArray) -> FloatArray:
+        """Give the clearances (K,) of some pairs (K,) in a configuration, see `clearances`."""
+        pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._contacts, q)
+        room = np.empty(len(pairs))
+        for place, pair in enumerate(pairs.tolist()):
+            pin.computeCollision(self._geometry, self._contacts, pair)
+            room[place] = self._results[pair].distance_lower_bound
+        return room
+
+    def _meeting(self, room: FloatArray, pairs: NDArray[np.intp], share: float) -> Meeting:
+        """Name the one of some pairs that has the least clearance."""
+        return Meeting(self._names[int(pairs[room.argmin()])], share)
 
     def _found(self) -> Iterable[Contact]:
         for pair, result in zip(self._names, self._results, strict=True):

@@ -62,7 +62,8 @@ class HemConfig:
             nine tenths of a cell are used.
         corner_angle: Least turn that counts as a corner, radians.
         corner_radius: Distance from a corner within which its bisector is used, metres.
-        failed_radius: Distance from a failed grasp within which a hem is not tried again, metres.
+        failed_radius: Distance from a failed grasp within which a hem is not tried again, metres;
+            less than `corner_inset`, so that beside a corner both its edges remain.
         corner_inset: Distance that a grasp on an edge keeps from the edge's ends, metres.
         hidden_reach: A hem with a place so near in front of it, metres, that something hides from
             the camera may be the edge of what hides the cloth, and is not grasped.
@@ -76,7 +77,7 @@ class HemConfig:
     corner_tolerance: float = 0.006
     corner_angle: float = 0.35
     corner_radius: float = 0.03
-    failed_radius: float = 0.02
+    failed_radius: float = 0.012
     corner_inset: float = 0.015
     hidden_reach: float = 0.025
 
@@ -201,8 +202,6 @@ class CollisionConfig:
             nails give way.
         slack: How much nearer than its margin a pair may come between two checked configurations
             of a path, metres.
-        path_step: Largest change of a joint between neighbouring configurations of a path,
-            radians; all joints together move no pair by more than twice the slack with it.
         samples: Random configurations that decide which pairs of one arm can never touch.
         seed: Seed of these configurations.
     """
@@ -210,7 +209,6 @@ class CollisionConfig:
     margin: float = 0.003
     nail_penetration: float = 0.004
     slack: float = 0.001
-    path_step: float = 0.0003
     samples: int = 2000
     seed: int = 0
 
@@ -235,6 +233,29 @@ class ExecutionConfig:
     settle_time: float = 0.5
     start_delay: float = 0.0
     holding_width: float = 0.0005
+
+
+@dataclass(frozen=True)
+class SightConfig:
+    """How the camera tells whether a manipulation took the cloth along.
+
+    Attributes:
+        enabled: Whether perception is asked when the arms are home again.
+        frames: Depth frames that it fuses.
+        timeout: Longest wait for its answer, seconds.
+        radius: Distance from the hem within which the cloth must have changed, metres. A fold
+            bares more than that, as a hand grips 10 mm inside the hem. What is moved less is not
+            judged.
+        moved_share: Least share of that cloth, before and after together, that must have come or
+            gone. A hem that is seen twice differs by less than 0.22 with 2 mm of noise, one pulled
+            outwards by 20 mm by more than 0.31, a folded one by more than 0.84.
+    """
+
+    enabled: bool = True
+    frames: int = 3
+    timeout: float = 10.0
+    radius: float = 0.02
+    moved_share: float = 0.3
 
 
 @dataclass(frozen=True)
@@ -268,6 +289,7 @@ class MotionConfig:
         kinematics: Inverse kinematics.
         collision: What counts as touching.
         execution: How a running motion is watched.
+        sight: How the camera tells whether the cloth came along.
         reach: How the reach on the table is sampled.
     """
 
@@ -278,4 +300,5 @@ class MotionConfig:
     kinematics: KinematicsConfig = field(default_factory=KinematicsConfig)
     collision: CollisionConfig = field(default_factory=CollisionConfig)
     execution: ExecutionConfig = field(default_factory=ExecutionConfig)
+    sight: SightConfig = field(default_factory=SightConfig)
     reach: ReachConfig = field(default_factory=ReachConfig)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from emd_arm_executor.config import MotionConfig
@@ -25,6 +25,10 @@ class _Watch:
     feedback: Feedback
     stop: ShouldStop
     pause: ShouldStop
+
+
+class ClothLostError(GraspFailedError):
+    """Cloth slipped out of the jaws, so that it lies neither where it was nor where it should."""
 
 
 class MotionExecutor:
@@ -69,17 +73,22 @@ class MotionExecutor:
             CancelledError: If `should_stop` said so; the arms are at rest.
             TrackingError: If the arms are not where the plan begins, or leave a trajectory.
             GraspFailedError: If the jaws close on nothing; they stay closed.
+            ClothLostError: If cloth slipped out of them while they carried it.
         """
         watch = _Watch(
             on_feedback or (lambda phase, progress: None),
             should_stop or (lambda: False),
             should_pause or (lambda: False),
         )
+        closed: list[str] = []
         for phase in plan.phases:
             watch.feedback(phase.name, 0.0)
             self._run_phase(phase, watch)
             if phase.name is PhaseName.GRASP:
-                self._check_grasp(phase)
+                closed = [command.arm for command in phase.gripper]
+                self._check_grasp(closed)
+            if phase.name is PhaseName.CARRY:
+                self._check_kept(closed)
             watch.feedback(phase.name, 1.0)
 
     def _run_phase(self, phase: Phase, watch: _Watch) -> None:
@@ -215,14 +224,23 @@ class MotionExecutor:
                 )
             self.robot.wait_until(min(deadline, now + self.config.execution.monitor_period / 5))
 
-    def _check_grasp(self, phase: Phase) -> None:
-        empty = [
-            command.arm
-            for command in phase.gripper
-            if self.robot.gripper_width(command.arm) < self.config.execution.holding_width
-        ]
+    def _check_grasp(self, arms: Sequence[str]) -> None:
+        empty = self._empty(arms)
         if empty:
             raise GraspFailedError(
                 f"the {' and '.join(empty)} jaws should hold cloth, they closed on nothing; look "
                 "at the hem again and grasp anew"
             )
+
+    def _check_kept(self, arms: Sequence[str]) -> None:
+        lost = self._empty(arms)
+        if lost:
+            raise ClothLostError(
+                f"the {' and '.join(lost)} jaws should have kept the cloth, it slipped out on the "
+                "way; look at it and plan anew, more slowly or with shorter displacements"
+            )
+
+    def _empty(self, arms: Sequence[str]) -> list[str]:
+        """Name the arms whose closed jaws have nothing between them."""
+        least = self.config.execution.holding_width
+        return [arm for arm in arms if self.robot.gripper_width(arm) < least]

@@ -53,10 +53,11 @@ class GraspPose:
         cosine, sine = np.cos(self.tilt), np.sin(self.tilt)
         opening = cosine * inward + sine * up
         fingers = sine * inward - cosine * up
+        across = np.array([self.direction[1], -self.direction[0], 0.0])
         if self.flipped:
-            opening = -opening
+            opening, across = -opening, -across
         transform = np.eye(4)
-        transform[:3, :3] = np.stack([opening, np.cross(fingers, opening), fingers], axis=1)
+        transform[:3, :3] = np.stack([opening, across, fingers], axis=1)
         transform[:3, 3] = self.position_in_table - retraction * inward + rise * up
         return transform
 
@@ -126,3 +127,28 @@ def displacement_keeping_crease(
         for grasp, planned in zip(grasps, planned_points_in_table, strict=True)
     ]
     return np.asarray(along * max(length - 2.0 * (float(np.mean(shifts)) + jaw_depth), 0.0))
+
+
+def share_displacement(displacements_in_table: FloatArray) -> bool:
+    """Tell whether hands with these displacements (N, 2) all move alike."""
+    return bool((displacements_in_table == displacements_in_table[0]).all())
+
+
+def displacements_keeping_creases(
+    displacements_in_table: FloatArray,
+    planned_points_in_table: FloatArray,
+    grasps: Sequence[GraspPose],
+    jaw_depth: float = 0.0,
+) -> FloatArray:
+    """Correct displacements (N, 2): hands that move alike make one crease, others each their own.
+
+    Arguments are those of `displacement_keeping_crease`, with a displacement for each grip.
+    """
+    together = share_displacement(displacements_in_table)
+    groups = [slice(None)] if together else [slice(i, i + 1) for i in range(len(grasps))]
+    corrected = np.array(displacements_in_table, dtype=np.float64)
+    for group in groups:
+        planned = displacements_in_table[group][0]
+        points = planned_points_in_table[group]
+        corrected[group] = displacement_keeping_crease(planned, points, grasps[group], jaw_depth)
+    return corrected

@@ -8,17 +8,11 @@ import numpy as np
 
 from emd_arm_executor.grip_search import GripSearch, GripTask
 from emd_arm_executor.hand_paths import Grip
-from emd_arm_executor.hem import Hem
 from emd_arm_executor.robot_model import RobotModel
 from emd_core.frames import FloatArray
 
 
-def assignments(
-    robot: RobotModel,
-    points_in_table: FloatArray,
-    hems: Sequence[Sequence[Hem]],
-    task: GripTask,
-) -> Iterator[list[GripSearch]]:
+def assignments(robot: RobotModel, tasks: Sequence[GripTask]) -> Iterator[list[GripSearch]]:
     """Yield the searches for each assignment of arms to points, the likelier first.
 
     One point goes to the arm on its side of the robot, else to the other. Of two points the left
@@ -26,9 +20,7 @@ def assignments(
 
     Args:
         robot: The robot; at rest each hand is on its arm's side.
-        points_in_table: Grasp points, shape (1 or 2, 2), metres.
-        hems: The hems of each point, the nearest first.
-        task: What is to be done with the cloth.
+        tasks: What is to be done at each point, one or two.
     """
     to_base = robot.transform_table_to_base
     at_rest = {
@@ -36,12 +28,10 @@ def assignments(
     }
     # y of the base frame points to the left (REP 103).
     from_left = sorted(at_rest, key=lambda name: -at_rest[name])
-    lateral = points_in_table @ to_base[1, :2] + to_base[1, 3]
+    points = np.stack([task.point_in_table for task in tasks])
+    lateral = points @ to_base[1, :2] + to_base[1, 3]
     for arms in _arms_for(lateral, from_left):
-        yield [
-            GripSearch(robot, arm, point, candidates, task)
-            for arm, point, candidates in zip(arms, points_in_table, hems, strict=True)
-        ]
+        yield [GripSearch(robot, arm, task) for arm, task in zip(arms, tasks, strict=True)]
 
 
 def grip_sets(searches: Sequence[GripSearch], max_pairs: int) -> Iterator[list[Grip]]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from emd_arm_executor.config import MotionConfig
-from emd_arm_executor.grasp import GraspPose, displacement_keeping_crease, grasp_poses
+from emd_arm_executor.grasp import GraspPose, displacements_keeping_creases, grasp_poses
 from emd_arm_executor.hand_paths import (
     Grip,
     carrying_poses,
@@ -29,15 +29,19 @@ _COARSE_JOINT_STEP = 0.8
 
 @dataclass(frozen=True)
 class GripTask:
-    """What is to be done with the cloth.
+    """What one hand is to do with the cloth.
 
     Attributes:
+        point_in_table: The planned grasp point, shape (2,), metres.
         displacement_in_table: As planned, shape (2,), metres.
+        hems: The hems of the point, the nearest first.
         silhouette: The cloth.
         config: Postures to try.
     """
 
+    point_in_table: FloatArray
     displacement_in_table: FloatArray
+    hems: Sequence[Hem]
     silhouette: Silhouette
     config: MotionConfig
 
@@ -51,31 +55,21 @@ class GripSearch:
     second nearest and so on (paper, V-B); at each hem the vertical hand orthogonal to it.
     """
 
-    def __init__(
-        self,
-        robot: RobotModel,
-        arm: str,
-        point_in_table: FloatArray,
-        hems: Sequence[Hem],
-        task: GripTask,
-    ) -> None:
+    def __init__(self, robot: RobotModel, arm: str, task: GripTask) -> None:
         """Prepare the search; nothing is computed yet.
 
         Args:
             robot: The robot.
             arm: The arm.
-            point_in_table: The planned grasp point, shape (2,), metres.
-            hems: Its hems, the nearest first.
-            task: What is to be done with the cloth.
+            task: What its hand is to do.
         """
         self.arm = arm
-        self.point_in_table = point_in_table
         self.rejected: list[CellError] = []
         self._robot, self._task, self._config = robot, task, task.config
         step = replace(task.config.path, linear_step=_COARSE_STEP, angular_step=_COARSE_JOINT_STEP)
         self._coarse = replace(task.config, path=step)
         self._found: list[Grip] = []
-        self._source = self._search(hems)
+        self._source = self._search()
 
     def grip(self, index: int) -> Grip | None:
         """Give the grip of a rank, 0 first; None if there are not so many."""
@@ -93,8 +87,8 @@ class GripSearch:
             yield grip
             index += 1
 
-    def _search(self, hems: Sequence[Hem]) -> Iterator[Grip]:
-        for rank, hem in enumerate(hems):
+    def _search(self) -> Iterator[Grip]:
+        for rank, hem in enumerate(self._task.hems):
             before = len(self._found)
             reasons: list[CellError] = []
             for pair in _pairs(list(grasp_poses(hem, self._config.grasp))):
@@ -137,11 +131,11 @@ class GripSearch:
         return True
 
     def _carry(self, grip: Grip) -> None:
-        displacement = self._task.displacement_in_table
+        displacement = self._task.displacement_in_table[None]
         if self._config.grasp.keep_crease:
-            displacement = displacement_keeping_crease(
+            displacement = displacements_keeping_creases(
                 displacement,
-                self.point_in_table[None],
+                self._task.point_in_table[None],
                 [grip.grasp],
                 self._config.grasp.jaw_depth,
             )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from emd_arm_executor.config import MotionConfig
-from emd_arm_executor.grasp import GraspPose
+from emd_arm_executor.grasp import GraspPose, share_displacement
 from emd_arm_executor.joint_path import JointPath, travel_parameters
 from emd_arm_executor.path_following import follow_poses
 from emd_arm_executor.robot_model import RobotModel
@@ -68,7 +68,7 @@ class HandPaths:
 def hand_paths(
     robot: RobotModel,
     grips: Sequence[Grip],
-    displacement_in_table: FloatArray,
+    displacements_in_table: FloatArray,
     silhouette: Silhouette,
     config: MotionConfig,
 ) -> HandPaths:
@@ -77,16 +77,16 @@ def hand_paths(
     Args:
         robot: The robot.
         grips: One for each arm that is used.
-        displacement_in_table: Of the hands, shape (2,), metres.
+        displacements_in_table: Of each hand, shape (H, 2), metres.
         silhouette: The cloth, for its height.
         config: Heights and steps.
 
     Raises:
         OutOfReachError: If an arm cannot follow.
-        InvalidInputError: If the displacement is too short.
+        InvalidInputError: If a displacement is too short.
     """
     down = descent_poses(grips, silhouette, config)
-    onward = carrying_poses(grips, displacement_in_table, silhouette, config)
+    onward = carrying_poses(grips, displacements_in_table, silhouette, config)
     names = robot.joint_names([grip.arm for grip in grips])
     descents = [follow_descent(robot, g, [p[h] for p in down]) for h, g in enumerate(grips)]
     carries = [follow_carrying(robot, g, [p[h] for p in onward]) for h, g in enumerate(grips)]
@@ -121,24 +121,32 @@ def descent_poses(
 
 def carrying_poses(
     grips: Sequence[Grip],
-    displacement_in_table: FloatArray,
+    displacements_in_table: FloatArray,
     silhouette: Silhouette,
     config: MotionConfig,
 ) -> tuple[FloatArray, FloatArray]:
     """Lay the hands' ways from the grip to the release and up from there.
 
-    The oriented point stands between the hands. The hands keep their pose relative to it, so
-    relative to each other, from the grip to the release (paper, IV-B items 3 and 4).
+    Hands that share one displacement hang on an oriented point between them. They keep their pose
+    relative to it, so relative to each other, from the grip to the release (paper, IV-B items 3
+    and 4). Others have an oriented point each; they set out and arrive together.
 
     Returns:
         Poses while carrying and while retreating, each of shape (H, N, 4, 4), table frame.
     """
     held = np.stack([grip.grasp.transform_tool_to_table for grip in grips])
-    release_height = _release_height(held, displacement_in_table, silhouette, config)
-    centre = held[:, :3, 3].mean(axis=0)
-    release = np.array([*(centre[:2] + displacement_in_table), release_height])
-    point = carry_poses(OrientedPoint(centre), OrientedPoint(release), config.path)
-    carried = np.einsum("nij,hjk->hnik", point, inverse_transform(point[0]) @ held)
+    groups = np.arange(len(held))[:, None]
+    if share_displacement(displacements_in_table):
+        groups = groups.T
+    ways = [_way(held[g], displacements_in_table[g[0]], silhouette, config) for g in groups]
+    points = [carry_poses(*way, config.path) for way in ways]
+    count = max(len(point) for point in points)
+    carried = np.empty((len(held), count, 4, 4))
+    for group, way, point in zip(groups, ways, points, strict=True):
+        if len(point) < count:
+            point = carry_poses(*way, config.path, count)
+        relative = inverse_transform(point[0]) @ held[group]
+        carried[group] = np.einsum("nij,hjk->hnik", point, relative)
     up = carried[:, -1].copy()
     up[:, 2, 3] = np.maximum(up[:, 2, 3], config.path.retreat_height)
     return carried, line_poses(carried[:, -1], up, config.path)
@@ -170,6 +178,15 @@ def follow_carrying(
     arm, to_base = robot.arms[grip.arm], robot.transform_table_to_base
     carry = follow_poses(arm, to_base @ poses[0], grip.positions, max_step)
     return carry, follow_poses(arm, to_base @ poses[1], carry[-1], max_step)
+
+
+def _way(
+    held: FloatArray, displacement: FloatArray, silhouette: Silhouette, config: MotionConfig
+) -> tuple[OrientedPoint, OrientedPoint]:
+    """Give the oriented point between hands (H, 4, 4) that move alike, at grip and release."""
+    centre = held[:, :3, 3].mean(axis=0)
+    height = _release_height(held, displacement, silhouette, config)
+    return OrientedPoint(centre), OrientedPoint(np.array([*(centre[:2] + displacement), height]))
 
 
 def _drawn_back(grip: Grip, rise: float, config: MotionConfig) -> FloatArray:

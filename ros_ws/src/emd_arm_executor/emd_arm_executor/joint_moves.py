@@ -101,7 +101,7 @@ class _Search:
     def is_free(self, path: JointPath) -> bool:
         """Tell whether nothing new touches on a path."""
         move, checker = self._move, self._robot.collision
-        _, positions = path.densely(self._robot.config.collision.path_step)
+        _, positions = path.densely(checker.path_step)
         rows = self._robot.configurations(move.others, path.joint_names, positions, move.widths)
         self._last = checker.meeting(rows, self._ignored)
         self._first = self._first or self._last

@@ -14,8 +14,8 @@ from emd_core.frames import FloatArray
 
 # A turn of a hand counts on the path parameter like this much travel, metres per radian.
 _METRES_PER_RADIAN = 0.1
-# Where a path is measured: so many places a knot, between which a joint's speed varies by less
-# than this factor.
+# Places at which a path is first looked at, for each knot. Between these a joint's speed seldom
+# varies by more than this factor.
 _PER_KNOT = 4
 _UNEVEN = 1.1
 
@@ -79,13 +79,16 @@ class JointPath:
         Returns:
             Parameters (M,) and joint positions (M, n), ends included.
         """
-        coarse = np.linspace(0.0, self.length, max(16, _PER_KNOT * len(self.spline.x)))
-        changes = np.abs(np.diff(self.positions(coarse), axis=0)).max(axis=1)
-        counts = np.ceil(_UNEVEN * changes / joint_step).astype(int)
-        counts = np.maximum(counts, 1)
-        places = np.arange(counts.sum() + 1)
-        parameters = np.interp(places, np.append(0, counts.cumsum()), coarse)
-        return parameters, self.positions(parameters)
+        parameters = np.linspace(0.0, self.length, max(16, _PER_KNOT * len(self.spline.x)))
+        while True:
+            positions = self.positions(parameters)
+            steps = np.abs(np.diff(positions, axis=0)).max(axis=1) / joint_step
+            too_long = steps > 1.0 + 1e-9
+            if not too_long.any():
+                return parameters, positions
+            counts = np.where(too_long, np.ceil(_UNEVEN * steps), 1.0)
+            places = np.arange(counts.sum() + 1.0)
+            parameters = np.interp(places, np.append(0.0, counts.cumsum()), parameters)
 
 
 def travel_parameters(transforms: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from emd_arm_executor.config import MotionConfig
-from emd_arm_executor.grasp import displacement_keeping_crease
+from emd_arm_executor.grasp import displacements_keeping_creases
 from emd_arm_executor.grip_assignment import assignments, grip_sets
 from emd_arm_executor.grip_search import GripTask
 from emd_arm_executor.hand_paths import Grip, HandPaths, hand_paths
@@ -22,7 +22,7 @@ from emd_arm_executor.silhouette import Silhouette
 from emd_arm_executor.trajectory import TimedPath, time_path
 from emd_core.errors import CellError, CollisionError, NoHemError, OutOfReachError
 from emd_core.frames import FloatArray
-from emd_core.manipulation import Manipulation
+from emd_core.independent_manipulation import HandsManipulation
 
 # A joint nearer to its rest position than this needs no move, radians.
 AT_REST = 1e-3
@@ -40,7 +40,7 @@ class ManipulationPlanner:
 
     def plan(
         self,
-        manipulation: Manipulation,
+        manipulation: HandsManipulation,
         silhouette: Silhouette,
         contours: Sequence[HemContour],
         joint_positions: Mapping[str, float],
@@ -49,7 +49,7 @@ class ManipulationPlanner:
         """Plan approach, grasp, carrying, release, retreat and the way home.
 
         Args:
-            manipulation: Grasp points and displacement in the table frame.
+            manipulation: Grasp points and displacements in the table frame.
             silhouette: The cloth.
             contours: Its outlines.
             joint_positions: Where the robot's joints are, radians; the torso as it is locked.
@@ -59,23 +59,29 @@ class ManipulationPlanner:
             NoHemError: If no hem lies near a grasp point.
             OutOfReachError: If no candidate is within reach.
             CollisionError: If every candidate within reach touches something.
-            InvalidInputError: If the displacement is too short or a joint is missing.
+            InvalidInputError: If a displacement is too short or a joint is missing.
         """
         used = np.array(manipulation.used)
-        points = manipulation.grasp_points_in_table[used]
-        directions = self._asked_directions(manipulation)[used]
-        hems = [
-            self._hems(silhouette, contours, point, direction, avoid_in_table)
-            for point, direction in zip(points, directions, strict=True)
+        tasks = [
+            GripTask(
+                point,
+                displacement,
+                self._hems(silhouette, contours, point, direction, avoid_in_table),
+                silhouette,
+                self.config,
+            )
+            for point, displacement, direction in zip(
+                manipulation.grasp_points_in_table[used],
+                manipulation.displacements_in_table[used],
+                self._asked_directions(manipulation)[used],
+                strict=True,
+            )
         ]
         rejected: list[CellError] = []
-        task = GripTask(manipulation.displacement_in_table, silhouette, self.config)
-        for searches in assignments(self.robot, points, hems, task):
+        for searches in assignments(self.robot, tasks):
             for grips in grip_sets(searches, self.config.grasp.max_pairs):
                 try:
-                    return self._complete(
-                        grips, manipulation, points, silhouette, joint_positions, rejected
-                    )
+                    return self._complete(grips, tasks, joint_positions, rejected)
                 except (OutOfReachError, CollisionError) as err:
                     rejected.append(_of_arms(err, grips))
             rejected.extend(reason for search in searches for reason in search.rejected)
@@ -122,7 +128,7 @@ class ManipulationPlanner:
         return facing(kept, direction, self.config.grasp.max_asked_turn)
 
     @staticmethod
-    def _asked_directions(manipulation: Manipulation) -> FloatArray:
+    def _asked_directions(manipulation: HandsManipulation) -> FloatArray:
         """One row for each grasp point; NaN where the hand's direction is free."""
         asked = manipulation.grasp_directions_in_table
         return np.full((2, 2), np.nan) if asked is None else asked
@@ -130,20 +136,19 @@ class ManipulationPlanner:
     def _complete(
         self,
         grips: Sequence[Grip],
-        manipulation: Manipulation,
-        points: FloatArray,
-        silhouette: Silhouette,
+        tasks: Sequence[GripTask],
         joint_positions: Mapping[str, float],
         rejected: Sequence[CellError],
     ) -> MotionPlan:
-        """Check the whole motion with these grips and time it."""
-        displacement = manipulation.displacement_in_table
+        """Check the whole motion with these grips, one for each task, and time it."""
+        displacements = np.stack([task.displacement_in_table for task in tasks])
         if self.config.grasp.keep_crease:
+            points = np.stack([task.point_in_table for task in tasks])
             grasps = [grip.grasp for grip in grips]
-            displacement = displacement_keeping_crease(
-                displacement, points, grasps, self.config.grasp.jaw_depth
+            displacements = displacements_keeping_creases(
+                displacements, points, grasps, self.config.grasp.jaw_depth
             )
-        paths = hand_paths(self.robot, grips, displacement, silhouette, self.config)
+        paths = hand_paths(self.robot, grips, displacements, tasks[0].silhouette, self.config)
         resting = self._resting(paths.arms, joint_positions)
         self._check_contact(paths, resting)
         approach = self._approach(paths, joint_positions)
@@ -152,7 +157,7 @@ class ManipulationPlanner:
             phases=self._phases(paths, approach, home),
             grasps={grip.arm: grip.grasp for grip in grips},
             via_poses_in_table=dict(zip(paths.arms, paths.via_poses_in_table, strict=True)),
-            displacement_in_table=displacement,
+            displacements_in_table=dict(zip(paths.arms, displacements, strict=True)),
             rejected=tuple(str(reason) for reason in rejected),
         )
 
@@ -176,7 +181,7 @@ class ManipulationPlanner:
             ("retreat", paths.retreat, grasp.open_width),
         ):
             widths = dict.fromkeys(paths.arms, width)
-            _, positions = path.densely(self.config.collision.path_step)
+            _, positions = path.densely(self.robot.collision.path_step)
             rows = self.robot.configurations(others, path.joint_names, positions, widths)
             self.robot.collision.check_path(rows, name)
 

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from emd_arm_executor.executor import MotionExecutor, ShouldStop
+from emd_arm_executor.executor import ClothLostError, MotionExecutor, ShouldStop
+from emd_arm_executor.lift_check import unmoved_arms
 from emd_arm_executor.motion_plan import MotionPlan, PhaseName
 from emd_arm_executor.motion_planner import MotionPlanner
 from emd_arm_executor.silhouette import Silhouette
 from emd_core.errors import CellError, GraspFailedError
 from emd_core.frames import FloatArray
-from emd_core.manipulation import Manipulation
+from emd_core.independent_manipulation import HandsManipulation
+
+Look = Callable[[], Silhouette | None]
 
 
 @dataclass(frozen=True)
@@ -34,47 +37,57 @@ class RunCallbacks:
 class ManipulationRunner:
     """Plans and carries out manipulations; after a failed grasp it tries one other hem."""
 
-    def __init__(self, planner: MotionPlanner, executor: MotionExecutor) -> None:
-        """Keep the planner and the executor, both of one robot."""
+    def __init__(
+        self, planner: MotionPlanner, executor: MotionExecutor, look: Look | None = None
+    ) -> None:
+        """Keep the planner and the executor, both of one robot.
+
+        Args:
+            planner: The planner.
+            executor: The executor.
+            look: Gives the cloth as the camera sees it now, None if it sees nothing; without it
+                only the jaws tell whether a grasp succeeded.
+        """
         self.planner = planner
         self.executor = executor
+        self._look = look or (lambda: None)
 
     def run(
         self,
-        manipulation: Manipulation,
+        manipulation: HandsManipulation,
         silhouette: Silhouette,
         callbacks: RunCallbacks | None = None,
     ) -> MotionPlan:
-        """Carry out a manipulation.
+        """Carry out a manipulation and see whether the cloth came along.
 
-        If jaws close on nothing, they open and both arms go home; then the manipulation is
-        planned anew without the hems at which it failed, once.
+        If jaws close on nothing, they open and both arms go home. If that left the cloth as it
+        was, or the camera sees it lie as before although the jaws were closed on something, the
+        manipulation is planned anew without the hems at which it failed, once.
 
         Args:
             manipulation: In the table frame.
-            silhouette: The cloth, which an empty grasp has not moved.
+            silhouette: The cloth as it lies.
             callbacks: Who hears of it and may stop it.
 
         Returns:
             The plan that was carried out.
 
         Raises:
-            GraspFailedError: If the second grasp fails as well, or no other hem can be grasped;
-                the arms are home.
+            GraspFailedError: If the second grasp fails as well, no other hem can be grasped, one
+                of two hands took the cloth along and the other did not, or cloth slipped out on
+                the way; the arms are home.
             CellError: As the planner and the executor raise them.
         """
         callbacks = callbacks or RunCallbacks()
         first = self._plan(manipulation, silhouette, ())
-        try:
-            return self._carry_out(first, callbacks)
-        except GraspFailedError as err:
-            self.go_home(callbacks)
-            second = self._plan_again(manipulation, silhouette, first, err)
-        try:
-            return self._carry_out(second, callbacks)
-        except GraspFailedError as err:
-            self.go_home(callbacks)
-            raise GraspFailedError(f"{err}; it was the second try, both arms are home") from err
+        failure = self._carry_out(first, silhouette, callbacks)
+        if failure is None:
+            return first
+        second = self._plan_again(manipulation, silhouette, first, failure)
+        failure = self._carry_out(second, silhouette, callbacks)
+        if failure is None:
+            return second
+        raise GraspFailedError(f"{failure}; it was the second try, both arms are home")
 
     def go_home(self, callbacks: RunCallbacks | None = None) -> None:
         """Open the jaws and bring both arms and the torso to rest.
@@ -89,14 +102,14 @@ class ManipulationRunner:
         self.executor.run(plan, None, callbacks.should_stop, callbacks.should_pause)
 
     def _plan(
-        self, manipulation: Manipulation, silhouette: Silhouette, avoid: Sequence[FloatArray]
+        self, manipulation: HandsManipulation, silhouette: Silhouette, avoid: Sequence[FloatArray]
     ) -> MotionPlan:
         joints = self.executor.robot.joint_positions()
         return self.planner.plan_motion(manipulation, silhouette, joints, avoid)
 
     def _plan_again(
         self,
-        manipulation: Manipulation,
+        manipulation: HandsManipulation,
         silhouette: Silhouette,
         failed: MotionPlan,
         reason: GraspFailedError,
@@ -110,12 +123,42 @@ class ManipulationRunner:
                 f"{reason}; no other hem can be grasped: {err}; both arms are home"
             ) from err
 
-    def _carry_out(self, plan: MotionPlan, callbacks: RunCallbacks) -> MotionPlan:
+    def _carry_out(
+        self, plan: MotionPlan, silhouette: Silhouette, callbacks: RunCallbacks
+    ) -> GraspFailedError | None:
+        """Carry out a plan; give the failure of a grasp that left the cloth where it was.
+
+        Raises:
+            GraspFailedError: If a grasp failed but the cloth has moved, or it was lost on the way;
+                the arms are home.
+        """
         callbacks.on_plan(plan)
-        self.executor.run(
-            plan,
-            lambda phase, share: callbacks.on_progress(plan, phase, share),
-            callbacks.should_stop,
-            callbacks.should_pause,
-        )
-        return plan
+        failure = None
+        try:
+            self.executor.run(
+                plan,
+                lambda phase, share: callbacks.on_progress(plan, phase, share),
+                callbacks.should_stop,
+                callbacks.should_pause,
+            )
+        except ClothLostError as err:
+            self.go_home(callbacks)
+            raise ClothLostError(f"{err}; both arms are home") from err
+        except GraspFailedError as err:
+            failure = err
+            self.go_home(callbacks)
+        seen = self._look()
+        if seen is None:
+            return failure
+        unmoved = unmoved_arms(plan, silhouette, seen, self.executor.config.sight)
+        if failure is None and unmoved:
+            failure = GraspFailedError(
+                f"the {' and '.join(unmoved)} hand should have taken cloth along, the camera sees "
+                "its hem where it was"
+            )
+        if failure is not None and len(unmoved) < len(plan.grasps):
+            raise GraspFailedError(
+                f"{failure}; the cloth has moved all the same: look at it and plan anew; both "
+                "arms are home"
+            ) from failure
+        return failure

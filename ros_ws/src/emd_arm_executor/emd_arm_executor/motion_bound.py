@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from emd_core.frames import FloatArray
 
@@ -25,16 +26,23 @@ class MotionBound:
         both = (levers[first] > 0.0) & (levers[second] > 0.0)
         self._levers = np.where(both, 0.0, levers[first] + levers[second])
 
-    def travel(self, turned: FloatArray) -> FloatArray:
+    @property
+    def largest(self) -> float:
+        """The most that a pair moves while every joint moves by 1 radian or metre, metres."""
+        return float(self._levers.sum(axis=1).max(initial=0.0))
+
+    def travel(self, turned: FloatArray, pairs: NDArray[np.intp] | None = None) -> FloatArray:
         """Bound how far the links of each pair move against each other.
 
         Args:
             turned: How far each joint turns, to and fro added up, shape (nq,), radians or metres.
+            pairs: Indices of the pairs that are asked for; all if None.
 
         Returns:
             Metres, shape (P,).
         """
-        travel: FloatArray = self._levers @ turned
+        levers = self._levers if pairs is None else self._levers[pairs]
+        travel: FloatArray = levers @ turned
         return travel
 
 

@@ -71,15 +71,15 @@ class MotionPlan:
         phases: In their order.
         grasps: How each used arm grips.
         via_poses_in_table: Poses of each used arm's tool while it carries, shape (N, 4, 4).
-        displacement_in_table: Displacement of the hands, after its correction for the grips,
-            shape (2,), metres.
+        displacements_in_table: Displacement of each used arm's hand, after its correction for the
+            grips, shape (2,), metres.
         rejected: Why candidates before the chosen ones were given up, in their order.
     """
 
     phases: tuple[Phase, ...]
     grasps: Mapping[str, GraspPose] = field(default_factory=dict)
     via_poses_in_table: Mapping[str, FloatArray] = field(default_factory=dict)
-    displacement_in_table: FloatArray | None = None
+    displacements_in_table: Mapping[str, FloatArray] = field(default_factory=dict)
     rejected: tuple[str, ...] = ()
 
     @property

@@ -32,7 +32,7 @@ from emd_arm_executor.silhouette import Silhouette
 from emd_arm_executor.trajectory import TimedPath
 from emd_core.errors import CellError, CollisionError, OutOfReachError
 from emd_core.frames import FloatArray
-from emd_core.manipulation import Manipulation
+from emd_core.independent_manipulation import HandsManipulation
 
 
 class MotionPlanner:
@@ -45,7 +45,7 @@ class MotionPlanner:
 
     def plan_motion(
         self,
-        manipulation: Manipulation,
+        manipulation: HandsManipulation,
         silhouette: Silhouette,
         joint_positions: Mapping[str, float],
         avoid_in_table: Sequence[FloatArray] = (),
@@ -57,7 +57,7 @@ class MotionPlanner:
         the torso at rest, it turns first, as little as possible, and back at the end.
 
         Args:
-            manipulation: Grasp points and displacement in the table frame.
+            manipulation: Grasp points and displacements in the table frame.
             silhouette: The cloth.
             joint_positions: Where the robot's joints are, radians.
             avoid_in_table: Places at hems where a grasp has failed, each (2,), metres.
@@ -66,7 +66,7 @@ class MotionPlanner:
             NoHemError: If no hem lies near a grasp point.
             OutOfReachError: If no candidate is within reach.
             CollisionError: If every candidate within reach touches something.
-            InvalidInputError: If the displacement is too short or a joint is missing.
+            InvalidInputError: If a displacement is too short or a joint is missing.
         """
         contours = extract_hems(silhouette, self.config.hem)
         refused: list[CellError] = []

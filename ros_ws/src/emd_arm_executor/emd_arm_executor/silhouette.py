@@ -93,6 +93,14 @@ class Silhouette:
             return 0.0
         return float(np.max(self.heights[self.mask]))
 
+    def covers(self, points_in_table: FloatArray) -> BoolArray:
+        """Tell for points (N, 2), metres, whether there is cloth; False outside the raster."""
+        index = np.floor((points_in_table - self.origin_in_table) / self.resolution).astype(int)
+        inside = ((index >= 0) & (index < self.mask.shape)).all(axis=1)
+        covered = np.zeros(len(index), dtype=bool)
+        covered[inside] = self.mask[tuple(index[inside].T)]
+        return covered
+
     def height_near(self, point_in_table: ArrayLike, radius: float) -> float:
         """Give the greatest height of the cloth within `radius` of a point (2,), metres."""
         if self.heights is None:

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import maximum_filter1d
 
 from emd_arm_executor.joint_path import JointPath
 from emd_arm_executor.joint_trajectory import JointTrajectory
@@ -100,9 +100,10 @@ def time_path(path: JointPath, limits: MotionLimits, max_speed: float | None = N
     """
     if np.ptp(path.positions(path.spline.x), axis=0).max() < _STILL:
         return TimedPath(path, PathProfile.standing())
+    grid, slowness = _slowness(path, limits, max_speed)
     trials = [
         _fit(evened, limits, share)
-        for evened in (_even_out(path, limits, max_speed, window) for window in _WINDOWS)
+        for evened in (_even_out(path, grid, slowness, window) for window in _WINDOWS)
         for share in _SHARES
     ]
     return _within(min(trials, key=lambda trial: trial.duration), limits)
@@ -121,16 +122,18 @@ def _within(timed: TimedPath, limits: MotionLimits) -> TimedPath:
     return timed if slower <= 1.0 else TimedPath(timed.path, profile.slowed(slower))
 
 
-def _even_out(
-    path: JointPath, limits: MotionLimits, max_speed: float | None, window: float
-) -> JointPath:
-    """Replace the path parameter by the time that its speed limit needs, smoothed.
+def _slowness(
+    path: JointPath, limits: MotionLimits, max_speed: float | None
+) -> tuple[FloatArray, FloatArray]:
+    """Give the time that each place of a path needs for a step of its parameter.
 
     Args:
         path: The curve.
         limits: Of the joints.
-        max_speed: Cap on the speed of the old parameter.
-        window: Half the width of the smoothing, as a share of the path's length.
+        max_speed: Cap on the speed of the path parameter.
+
+    Returns:
+        Parameters (N,) at equal distances and seconds per unit of the parameter there (N,).
     """
     count = max(200, 4 * len(path.spline.x))
     grid = np.linspace(0.0, path.length, count + 1)
@@ -141,11 +144,23 @@ def _even_out(
         np.sqrt((2.0 * second / limits.acceleration).max(axis=1)),
     )
     slowness = np.maximum(slowness, np.cbrt((2.0 * third / limits.jerk).max(axis=1)))
-    slowness = np.maximum(slowness, 1.0 / max_speed if max_speed else 0.0)
+    return grid, np.maximum(slowness, 1.0 / max_speed if max_speed else 0.0)
+
+
+def _even_out(path: JointPath, grid: FloatArray, slowness: FloatArray, window: float) -> JointPath:
+    """Replace the path parameter by the time that its speed limit needs, smoothed.
+
+    Args:
+        path: The curve.
+        grid: Parameters, shape (N,).
+        slowness: What is needed there, shape (N,).
+        window: Half the width of the smoothing, as a share of the path's length.
+    """
+    count = len(grid) - 1
     reach = max(2, int(window * count))
     weights = 1.0 + np.cos(np.linspace(-np.pi, np.pi, 2 * reach + 1))
     padded = np.pad(slowness, 2 * reach, mode="edge")
-    widest = sliding_window_view(padded, 2 * reach + 1).max(axis=1)
+    widest = maximum_filter1d(padded, 2 * reach + 1)[reach:-reach]
     smooth = np.convolve(widest, weights / weights.sum(), mode="valid")
     time = np.append(0.0, np.cumsum((smooth[1:] + smooth[:-1]) / 2.0 * np.diff(grid)))
     new = np.linspace(0.0, time[-1], count // 2 + 1)

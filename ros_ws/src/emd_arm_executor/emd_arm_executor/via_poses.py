@@ -1,7 +1,7 @@
 """The hands' paths in space: lowering, insertion, carrying, retreat (paper, IV-B and Fig. 5).
 
-Both hands hang on one oriented point and keep their pose relative to it (paper, IV-B items 3 and
-4). Poses are 4 x 4 matrices into the table frame.
+Hands that move alike hang on one oriented point and keep their pose relative to it (paper, IV-B
+items 3 and 4). Poses are 4 x 4 matrices into the table frame.
 """
 
 from __future__ import annotations
@@ -74,7 +74,10 @@ def line_poses(start: FloatArray, end: FloatArray, config: PathConfig | None = N
 
 
 def carry_poses(
-    grasp: OrientedPoint, release: OrientedPoint, config: PathConfig | None = None
+    grasp: OrientedPoint,
+    release: OrientedPoint,
+    config: PathConfig | None = None,
+    count: int = 0,
 ) -> FloatArray:
     """Carry the oriented point from the grasp to the release: raise, go level, lower (Fig. 5).
 
@@ -89,9 +92,10 @@ def carry_poses(
         grasp: Pose of the point when the jaws have closed.
         release: Pose when they open.
         config: Shape, lift height and step sizes.
+        count: Least number of poses, so that ways of different lengths can have equally many.
 
     Returns:
-        Poses of the point, shape (N, 4, 4).
+        Poses of the point, equally far apart along the way, shape (N, 4, 4).
 
     Raises:
         InvalidInputError: If the shape is unknown or the displacement is too short.
@@ -107,7 +111,7 @@ def carry_poses(
     heights = (float(grasp.position_in_table[2]), float(release.position_in_table[2]))
     turn = float(np.angle(np.exp(1j * (release.yaw - grasp.yaw))))
     outline = _round_corners(_outline(span, heights, config), config.blend)
-    progress, height = _thin_out(outline, abs(turn) / span, config).T
+    progress, height = _thin_out(outline, abs(turn) / span, config, count).T
     fraction = progress / span
     poses = np.zeros((len(fraction), 4, 4))
     poses[:, 3, 3] = 1.0
@@ -156,13 +160,15 @@ def _round_corners(outline: FloatArray, half_width: float) -> FloatArray:
     return np.stack(columns, axis=1)
 
 
-def _thin_out(outline: FloatArray, turn_per_metre: float, config: PathConfig) -> FloatArray:
+def _thin_out(
+    outline: FloatArray, turn_per_metre: float, config: PathConfig, least: int
+) -> FloatArray:
     """Keep points at equal distances along the path, no more than a step apart."""
     steps = np.linalg.norm(np.diff(outline, axis=0), axis=1)
     length = np.append(0.0, np.cumsum(steps))
     step = config.linear_step
     if turn_per_metre > 0.0:
         step = min(step, config.angular_step / turn_per_metre)
-    count = max(2, int(np.ceil(length[-1] / step)))
+    count = max(2, int(np.ceil(length[-1] / step)), least - 1)
     where = np.linspace(0.0, length[-1], count + 1)
     return np.stack([np.interp(where, length, column) for column in outline.T], axis=1)

@@ -27,7 +27,8 @@ from emd_cloth_sim.step_data import (
 )
 from emd_cloth_sim.xpbd import advance_step, undo
 from emd_core.errors import InvalidInputError
-from emd_core.frames import FloatArray
+from emd_core.frames import FloatArray, inverse_transform, transform_points
+from emd_core.simulated_cloth import Jaws
 
 # Substeps of the second attempt over those of the first, and so on.
 REFINEMENT = 1.5
@@ -203,12 +204,16 @@ class Cloth:
         """How many vertices a hand holds."""
         return len(self._hand(hand).held)
 
-    def grasp(self, hand: int, transform_tool_to_table: FloatArray) -> int:
-        """Close a hand: it takes all layers around its tool frame's origin that are free.
+    def grasp(
+        self, hand: int, transform_tool_to_table: FloatArray, jaws: Jaws | None = None
+    ) -> int:
+        """Close a hand: it takes all layers that are free between its fingers.
 
         Args:
             hand: 0 or 1; what it held before is released.
             transform_tool_to_table: 4 x 4 tool frame.
+            jaws: What the fingers enclose. Without, the hand has none: it takes what is around its
+                tool frame's origin, and never loses it.
 
         Returns:
             How many vertices it holds; 0 if it missed.
@@ -218,12 +223,10 @@ class Cloth:
         """
         transform = check_transform(transform_tool_to_table)
         self.release(hand)
-        offset = self.positions_in_table - transform[:3, 3]
-        near = np.hypot(offset[:, 0], offset[:, 1]) <= self.config.effective_grasp_radius
-        near &= np.abs(offset[:, 2]) <= self.config.grasp_height_tolerance
+        near = self._around(transform) if jaws is None else self._between(transform, jaws)
         near[self._hands[1 - hand].held] = False
         held = np.flatnonzero(near).astype(np.int32)
-        self._hands[hand].close(transform, held, self.positions_in_table)
+        self._hands[hand].close(transform, held, self.positions_in_table, jaws)
         if len(held):
             self._slow_time = 0.0
         return len(held)
@@ -261,6 +264,9 @@ class Cloth:
             steps = max(1, math.ceil(duration / self.config.step - 1e-6))
             for step in range(steps):
                 self._advance_step(duration / steps, step / steps, (step + 1) / steps)
+                for hand in self._hands:
+                    if hand.may_lose:
+                        hand.lose_slipped((step + 1) / steps, self.positions_in_table)
                 self._note_speed(duration / steps)
                 if self.settled and not holding:
                     break
@@ -285,6 +291,26 @@ class Cloth:
         if raise_on_failure:
             result.raise_on_failure()
         return result
+
+    def _around(self, transform: FloatArray) -> NDArray[np.bool_]:
+        """Tell which vertices are near a tool frame's origin."""
+        offset = self.positions_in_table - transform[:3, 3]
+        near = np.hypot(offset[:, 0], offset[:, 1]) <= self.config.effective_grasp_radius
+        return np.asarray(near & (np.abs(offset[:, 2]) <= self.config.grasp_height_tolerance))
+
+    def _between(self, transform: FloatArray, jaws: Jaws) -> NDArray[np.bool_]:
+        """Tell which vertices stand for cloth between fingers.
+
+        A vertex stands for the cloth halfway to its neighbours, so that fingers over cloth find
+        one however coarse the mesh is, and for the whole thickness.
+        """
+        places = transform_points(inverse_transform(transform), self.positions_in_table)
+        halfway = 0.5 * math.hypot(*self.config.spacing)
+        lower, upper = jaws.lower.copy(), jaws.upper.copy()
+        lower[:2], upper[:2] = np.minimum(lower[:2], -halfway), np.maximum(upper[:2], halfway)
+        lower[2] -= 0.5 * self.config.thickness
+        upper[2] += 0.5 * self.config.thickness
+        return np.asarray(((places >= lower) & (places <= upper)).all(axis=1))
 
     def _hand(self, hand: int) -> Hand:
         if hand not in (0, 1):

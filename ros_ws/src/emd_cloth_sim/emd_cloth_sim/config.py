@@ -43,8 +43,8 @@ class ClothConfig:
         substeps: Least number of solver substeps in a `step`.
         vertices_per_substep: Stretch under a given load grows with (vertices / substeps)^2, so a
             mesh has at least one substep for so many vertices of its longer side.
-        grasp_radius: Horizontal reach of a closing hand, metres. The authors' generator has
-            0.025 normalised, 0.0071 m.
+        grasp_radius: Horizontal reach of a closing hand without fingers, metres. The authors'
+            generator has 0.025 normalised, 0.0071 m.
         grasp_height_tolerance: Vertical reach up and down: generous, so that a hand takes all
             layers at its spot (paper, IV-B).
         grip_force: Force at which cloth slips after its hand instead of being torn, N.

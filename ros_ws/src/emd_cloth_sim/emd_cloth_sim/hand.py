@@ -1,7 +1,8 @@
-"""A hand that holds vertices rigidly in its tool frame."""
+"""A hand that holds vertices in its tool frame."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from emd_cloth_sim.mesh import IndexArray
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FloatArray, inverse_transform, transform_points
+from emd_core.simulated_cloth import Jaws
 
 
 @dataclass
@@ -19,19 +21,28 @@ class Hand:
     Attributes:
         held: Indices of the held vertices, shape (H,).
         held_in_tool: Their places in the tool frame, shape (H, 3), metres.
+        slip: How far they may be pulled from there before they are lost, metres.
         current: Tool frame now, 4 x 4, tool to table.
         target: Tool frame at the end of the next advance.
     """
 
     held: IndexArray = field(default_factory=lambda: np.empty(0, np.int32))
     held_in_tool: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
+    slip: float = math.inf
     current: FloatArray = field(default_factory=lambda: np.eye(4))
     target: FloatArray = field(default_factory=lambda: np.eye(4))
 
-    def close(self, transform: FloatArray, held: IndexArray, positions: FloatArray) -> None:
-        """Take hold of vertices at the given tool frame."""
+    def close(
+        self,
+        transform: FloatArray,
+        held: IndexArray,
+        positions: FloatArray,
+        jaws: Jaws | None = None,
+    ) -> None:
+        """Take hold of vertices at the given tool frame; without `jaws` nothing is ever lost."""
         self.held = held
         self.held_in_tool = transform_points(inverse_transform(transform), positions[held])
+        self.slip = math.inf if jaws is None else jaws.slip
         self.current = transform
         self.target = transform
 
@@ -39,6 +50,22 @@ class Hand:
         """Let go of everything."""
         self.held = np.empty(0, np.int32)
         self.held_in_tool = np.empty((0, 3))
+
+    @property
+    def may_lose(self) -> bool:
+        """Whether it holds something that can slip out."""
+        return len(self.held) > 0 and math.isfinite(self.slip)
+
+    def lose_slipped(self, progress: float, positions: FloatArray) -> None:
+        """Let go of what has been pulled out of the fingers.
+
+        Args:
+            progress: How far the hand is on the way to its target, 0..1.
+            positions: Of all vertices, (V, 3), metres.
+        """
+        pulled = positions[self.held] - self.held_positions(progress)
+        kept = np.linalg.norm(pulled, axis=1) <= self.slip
+        self.held, self.held_in_tool = self.held[kept], self.held_in_tool[kept]
 
     def held_positions(self, progress: float) -> FloatArray:
         """Where the held vertices belong, part of the way to the target; shape (H, 3), metres."""

@@ -10,10 +10,9 @@ from emd_cloth_sim.cloth import Cloth
 from emd_cloth_sim.config import HandPathConfig
 from emd_cloth_sim.diagnostics import ClothDiagnostics
 from emd_cloth_sim.hand_path import HandPath, arc_path
-from emd_cloth_sim.independent_hands import IndependentManipulation
 from emd_cloth_sim.reference_path import ReferencePathConfig, reference_offsets
 from emd_core.frames import FloatArray
-from emd_core.manipulation import Manipulation
+from emd_core.independent_manipulation import HandsManipulation
 
 # Simulations of a manipulation until its outcome can be believed.
 ATTEMPTS = 4
@@ -45,7 +44,7 @@ class ManipulationOutcome:
 
 def manipulate(
     cloth: Cloth,
-    manipulation: Manipulation | IndependentManipulation,
+    manipulation: HandsManipulation,
     path_config: HandPathConfig | ReferencePathConfig | None = None,
 ) -> ManipulationOutcome:
     """Grasp all layers at the used points, carry them along an arc, release, let settle.
@@ -76,7 +75,7 @@ def manipulate(
 
 def _manipulate_by_hand(
     cloth: Cloth,
-    manipulation: Manipulation | IndependentManipulation,
+    manipulation: HandsManipulation,
     config: HandPathConfig,
 ) -> ManipulationOutcome:
     paths = {}
@@ -97,7 +96,7 @@ def _manipulate_by_hand(
 
 def _manipulate_as_reference(
     cloth: Cloth,
-    manipulation: Manipulation | IndependentManipulation,
+    manipulation: HandsManipulation,
     config: ReferencePathConfig,
 ) -> ManipulationOutcome:
     cloth.stop()

@@ -14,10 +14,10 @@ from emd_cloth_sim.hem import (
     neighbour_corners,
     outline_corners,
 )
-from emd_cloth_sim.independent_hands import IndependentManipulation
 from emd_cloth_sim.mesh import IndexArray
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FieldOfView, FloatArray
+from emd_core.independent_manipulation import HandsManipulation, IndependentManipulation
 from emd_core.manipulation import Manipulation
 
 MODES = ("any", "paper", "hem", "mixed", "fold", "neat")
@@ -68,7 +68,7 @@ class ManipulationRule:
 
     def draw(
         self, cloth: Cloth, field_of_view: FieldOfView, rng: np.random.Generator
-    ) -> Manipulation | IndependentManipulation:
+    ) -> HandsManipulation:
         """Draw a manipulation for the cloth's present state.
 
         Args:

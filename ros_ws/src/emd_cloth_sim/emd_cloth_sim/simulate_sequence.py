@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from emd_cloth_sim.cloth import Cloth
 from emd_cloth_sim.generation_config import GenerationConfig, provenance
-from emd_cloth_sim.independent_hands import IndependentManipulation
 from emd_cloth_sim.manipulate import ManipulationOutcome, manipulate
 from emd_cloth_sim.neat_sequences import astray, draw_neat_fold
 from emd_core.errors import SimulationError
 from emd_core.frames import FieldOfView
+from emd_core.independent_manipulation import HandsManipulation, IndependentManipulation
 from emd_core.manipulation import Manipulation
 from emd_core.sequence_shard import SequenceFailure, SequenceShard
 from emd_core.voxel_grid import voxelise
@@ -43,9 +43,7 @@ class _Recorder:
         self.grids.append(np.packbits(grid.occupancy))
         self.states.append(self.field_of_view.normalised_from_table(cloth.positions_in_table))
 
-    def note_step(
-        self, done: Manipulation | IndependentManipulation, outcome: ManipulationOutcome
-    ) -> None:
+    def note_step(self, done: HandsManipulation, outcome: ManipulationOutcome) -> None:
         """Keep what was done."""
         points = done.grasp_points_in_table
         moves = (

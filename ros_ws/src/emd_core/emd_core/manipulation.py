@@ -55,7 +55,7 @@ class Manipulation:
         object.__setattr__(self, "grasp_points_in_table", points)
         object.__setattr__(self, "displacement_in_table", displacement)
         if self.grasp_directions_in_table is not None:
-            directions = _directions(self.grasp_directions_in_table)
+            directions = checked_directions(self.grasp_directions_in_table)
             object.__setattr__(self, "grasp_directions_in_table", directions)
 
     @property
@@ -107,8 +107,12 @@ class Manipulation:
         return cls(points, in_table[4:])
 
 
-def _directions(values: FloatArray) -> FloatArray:
-    """Check directions, shape (2, 2), a NaN row for none."""
+def checked_directions(values: FloatArray) -> FloatArray:
+    """Give directions, shape (2, 2), a NaN row for none.
+
+    Raises:
+        InvalidInputError: If the shape is wrong or a direction is no unit vector.
+    """
     directions = np.asarray(values, dtype=np.float64)
     if directions.shape != (2, 2):
         raise InvalidInputError(f"grasp directions (2, 2) are wanted, got {directions.shape}")

@@ -2,12 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from emd_core.frames import FloatArray
+
+
+@dataclass(frozen=True)
+class Jaws:
+    """What the fingers of a closing hand enclose, in the tool frame.
+
+    Attributes:
+        lower: Least coordinates of the box between the fingers, shape (3,), metres.
+        upper: Greatest coordinates, shape (3,), metres.
+        slip: How far cloth that is pulled harder than the fingers hold may lag behind them before
+            it is out of them, metres.
+    """
+
+    lower: FloatArray
+    upper: FloatArray
+    slip: float
 
 
 class SimulatedCloth(Protocol):
@@ -29,8 +46,11 @@ class SimulatedCloth(Protocol):
     def settled(self) -> bool:
         """Whether nothing moves noticeably; only meaningful while no hand moves."""
 
-    def grasp(self, hand: int, transform_tool_to_table: FloatArray) -> int:
-        """Close a hand at its tool frame; returns how many vertices it holds, 0 if it missed."""
+    def grasp(self, hand: int, transform_tool_to_table: FloatArray, jaws: Jaws) -> int:
+        """Close the fingers of a hand; returns how many vertices it holds, 0 if it missed."""
+
+    def held_count(self, hand: int) -> int:
+        """How many vertices a hand holds; what slips out of its fingers is lost."""
 
     def move_hand(self, hand: int, transform_tool_to_table: FloatArray) -> None:
         """Say where the hand will be at the end of the next `advance`."""

@@ -44,8 +44,9 @@ class CellSimulationConfig:
 class CellSimulation:
     """The cell: servos follow trajectories, hands take hold of the cloth, time goes on.
 
-    The jaws of a hand that holds cloth stop at the cloth's thickness, as real ones do, so that the
-    measured width tells whether a grasp succeeded.
+    A closing hand holds what its fingers enclose. The jaws of a hand that holds cloth stop at the
+    cloth's thickness, as real ones do, so that the measured width tells whether a grasp succeeded
+    and whether the cloth has slipped out since.
     """
 
     def __init__(
@@ -67,14 +68,14 @@ class CellSimulation:
         self.time = 0.0
         self._remainder = 0.0
         self._closed = [world.gripper_width(hand) < self.config.grasp_width for hand in (0, 1)]
-        self._held = [0, 0]
+        self._opened = [world.gripper_width(hand) for hand in (0, 1)]
         self._followers: dict[str, TrajectoryFollower] = {}
         self._hold_here()
 
     @property
     def held_vertices(self) -> tuple[int, int]:
         """How many vertices of the cloth the left and the right hand hold."""
-        return self._held[0], self._held[1]
+        return self.cloth.held_count(0), self.cloth.held_count(1)
 
     def follow(
         self, group: str, trajectory: CommandedTrajectory, start_time: float | None = None
@@ -131,12 +132,11 @@ class CellSimulation:
     def replace_cloth(self, cloth: SimulatedCloth) -> None:
         """Put another cloth on the table; hands let go of the old one."""
         self.cloth = cloth
-        self._held = [0, 0]
 
     def reset(self, posture: Posture = OBSERVE) -> None:
         """Put the robot in a posture at once and let go of the cloth; time goes on."""
         for hand in (0, 1):
-            self._let_go(hand)
+            self.cloth.release(hand)
         self.world.reset(posture)
         self._closed = [self.world.gripper_width(h) < self.config.grasp_width for h in (0, 1)]
         self._hold_here()
@@ -147,32 +147,33 @@ class CellSimulation:
         self.world.step()
         for hand in (0, 1):
             self._update_grasp(hand)
-        if any(self._held) or not self.cloth.settled:
+        held = self.held_vertices
+        if any(held) or not self.cloth.settled:
             for hand in (0, 1):
-                if self._held[hand]:
+                if held[hand]:
                     self.cloth.move_hand(hand, self.world.tool_transform_in_table(hand))
             self.cloth.advance(time_step)
 
     def _update_grasp(self, hand: int) -> None:
         width = self.world.gripper_width(hand)
-        if not self._closed[hand] and width < self.config.grasp_width:
+        if self._closed[hand]:
+            if width > self.config.release_width:
+                self._closed[hand], self._opened[hand] = False, width
+                self.cloth.release(hand)
+            return
+        self._opened[hand] = max(self._opened[hand], width)
+        if width < self.config.grasp_width:
             self._closed[hand] = True
-            self._held[hand] = self.cloth.grasp(hand, self.world.tool_transform_in_table(hand))
-        elif self._closed[hand] and width > self.config.release_width:
-            self._closed[hand] = False
-            self._let_go(hand)
-
-    def _let_go(self, hand: int) -> None:
-        if self._held[hand]:
-            self.cloth.release(hand)
-        self._held[hand] = 0
+            jaws = self.world.gripper.enclosed(self._opened[hand], width)
+            self.cloth.grasp(hand, self.world.tool_transform_in_table(hand), jaws)
 
     def _stop_jaws_at_cloth(self, targets: FloatArray) -> FloatArray:
         gripper = self.world.gripper
         for hand, name in enumerate(HANDS):
-            joints = _indices(f"{name}_gripper")
-            thickness = self.cloth.thickness
-            if self._held[hand] and gripper.width_from_joints(targets[joints]) < thickness:
+            if not self.cloth.held_count(hand):
+                continue
+            joints, thickness = _indices(f"{name}_gripper"), self.cloth.thickness
+            if gripper.width_from_joints(targets[joints]) < thickness:
                 targets[joints] = gripper.joints_from_width(thickness)
         return targets
 

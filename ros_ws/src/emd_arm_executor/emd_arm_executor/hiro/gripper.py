@@ -9,9 +9,15 @@ import numpy as np
 
 from emd_arm_executor.gripper_law import GripperLaw
 from emd_arm_executor.hiro.figures.joints import FINGERS
-from emd_arm_executor.hiro.figures.shapes import PAD_OFFSET
+from emd_arm_executor.hiro.figures.shapes import (
+    FINGERTIP,
+    NAIL_LENGTH,
+    NAIL_WIDTH,
+    PAD_OFFSET,
+)
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FloatArray
+from emd_core.simulated_cloth import Jaws
 
 
 @dataclass(frozen=True)
@@ -68,3 +74,21 @@ class GripperGeometry(GripperLaw):
         angle = self.joints_from_width(width)[0]
         closed = self.joints_from_width(0.0)[0]
         return self.finger * (math.cos(angle) - math.cos(closed))
+
+    def enclosed(self, opened: float, width: float) -> Jaws:
+        """Give what the fingers have come to enclose, in the tool frame.
+
+        The nails bound it: they are narrower than the pads above them, and cloth that they have
+        once been under stays above their tips when these rise as the jaws close.
+
+        Args:
+            opened: Opening from which the jaws closed, metres.
+            width: Opening now, metres.
+        """
+        deepest = self.tip_advance(float(np.clip(2.0 * self.half_gap, width, opened)))
+        half = np.array([width / 2.0, NAIL_WIDTH / 2.0])
+        return Jaws(
+            np.array([*-half, deepest - NAIL_LENGTH - FINGERTIP]),
+            np.array([*half, deepest]),
+            slip=NAIL_WIDTH,
+        )

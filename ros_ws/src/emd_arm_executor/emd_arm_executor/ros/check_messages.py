@@ -6,19 +6,24 @@ import numpy as np
 from geometry_msgs.msg import Point32, Polygon, Vector3
 from std_msgs.msg import Header
 
+from emd_arm_executor.grasp import share_displacement
 from emd_arm_executor.motion_plan import MotionPlan
+from emd_core.independent_manipulation import HandsManipulation, IndependentManipulation
 from emd_core.manipulation import Manipulation
 from emd_core.ros import conversions
 from emd_msgs_py.srv import CheckManipulation
 
 
-def executed_manipulation(plan: MotionPlan) -> Manipulation:
+def executed_manipulation(plan: MotionPlan) -> HandsManipulation:
     """Give the manipulation with the points at the hem and the directions the hands take."""
-    points, directions = np.full((2, 2), np.nan), np.full((2, 2), np.nan)
-    for row, grasp in enumerate(plan.grasps.values()):
+    points, displacements, directions = (np.full((2, 2), np.nan) for _ in range(3))
+    for row, (arm, grasp) in enumerate(plan.grasps.items()):
         points[row] = grasp.held_point_in_table[:2]
+        displacements[row] = plan.displacements_in_table[arm]
         directions[row] = grasp.direction
-    return Manipulation(points, np.asarray(plan.displacement_in_table), directions)
+    if share_displacement(displacements[: len(plan.grasps)]):
+        return Manipulation(points, displacements[0], directions)
+    return IndependentManipulation(points, displacements, directions)
 
 
 def fill_check(

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections import deque
 from pathlib import Path
 
 import numpy as np
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
-from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
@@ -19,14 +17,13 @@ from emd_arm_executor.executor import MotionExecutor
 from emd_arm_executor.manipulation_runner import ManipulationRunner, RunCallbacks
 from emd_arm_executor.motion_plan import MotionPlan, PhaseName
 from emd_arm_executor.motion_planner import MotionPlanner
-from emd_arm_executor.observed_silhouette import silhouette_from_points
 from emd_arm_executor.robot_description import hiro_description, load_description
 from emd_arm_executor.robot_model import RobotModel
 from emd_arm_executor.ros.check_messages import executed_manipulation, fill_check
+from emd_arm_executor.ros.cloth_sight import ClothSight
 from emd_arm_executor.ros.ros_robot import RosRobot
 from emd_arm_executor.silhouette import Silhouette
-from emd_core.errors import NoObservationError
-from emd_core.manipulation import Manipulation
+from emd_core.independent_manipulation import HandsManipulation
 from emd_core.ros import conversions
 from emd_core.ros.heartbeat import Heartbeat
 from emd_core.ros.markers import BLUE, GREEN, clear_marker, line_marker
@@ -34,15 +31,12 @@ from emd_core.ros.parameters import declare_config
 from emd_core.ros.results import set_error
 from emd_core.ros.spin import spin_node
 from emd_core.ros.worker import SingleWorker
-from emd_core.voxel_grid import VoxelGrid
 from emd_msgs_py.action import ExecuteManipulation
 from emd_msgs_py.msg import Manipulation as ManipulationMsg
-from emd_msgs_py.msg import VoxelGrid as VoxelGridMsg
 from emd_msgs_py.srv import CheckManipulation
 
 # Messages take a while to both controllers.
 _EXECUTION = ExecutionConfig(start_delay=0.05)
-_GRIDS = 5  # of the last observations; the points of the last one may come later than its grid
 
 
 class ExecutorNode(Node):
@@ -57,14 +51,11 @@ class ExecutorNode(Node):
         model = RobotModel(description, config)
         self._robot = RosRobot(self, description)
         motion = MotionExecutor(self._robot, model)
-        self._runner = ManipulationRunner(MotionPlanner(model), motion)
         self._paused = False
-        self._points: PointCloud2 | None = None
-        self._grids: deque[VoxelGridMsg] = deque(maxlen=_GRIDS)
-        self.create_subscription(VoxelGridMsg, "perception/voxel_grid", self._grids.append, 5)
-        self.create_subscription(PointCloud2, "perception/points", self._on_points, 5)
         self._markers = self.create_publisher(MarkerArray, "arm_executor/markers", 5)
         self._worker = SingleWorker(self, "moving the arms")
+        self._sight = ClothSight(self, config.sight, self._worker.callback_group)
+        self._runner = ManipulationRunner(MotionPlanner(model), motion, self._sight.look)
         self._action = self._worker.serve_action(
             ExecuteManipulation, "arm_executor/execute_manipulation", self._execute
         )
@@ -88,9 +79,6 @@ class ExecutorNode(Node):
         )
         self._heartbeat = Heartbeat(self, "arms", lambda: self._worker.what)
 
-    def _on_points(self, message: PointCloud2) -> None:
-        self._points = message
-
     def _execute(self, goal_handle: ServerGoalHandle, result: ExecuteManipulation.Result) -> None:
         """Plan and move in the worker's thread."""
         manipulation, silhouette = self._task(goal_handle.request.manipulation)
@@ -110,23 +98,9 @@ class ExecutorNode(Node):
             executed_manipulation(plan), self._table_header()
         )
 
-    def _task(self, message: ManipulationMsg) -> tuple[Manipulation, Silhouette]:
+    def _task(self, message: ManipulationMsg) -> tuple[HandsManipulation, Silhouette]:
         """Read what is to be done, and with which cloth."""
-        manipulation = conversions.manipulation_from_message(message)
-        if self._points is None:
-            raise NoObservationError(
-                "no points have come on perception/points yet; capture the cloth first, so that "
-                "its hem is known"
-            )
-        points = conversions.points_from_message(self._points)
-        return manipulation, silhouette_from_points(points, grid=self._grid_of(self._points))
-
-    def _grid_of(self, points: PointCloud2) -> VoxelGrid | None:
-        """The grid of the observation that points are of, which tells what was hidden in it."""
-        for message in list(self._grids):
-            if message.header.stamp == points.header.stamp:
-                return conversions.voxel_grid_from_message(message)
-        return None
+        return conversions.hands_manipulation_from_message(message), self._sight.latest()
 
     async def _on_check(
         self, request: CheckManipulation.Request, response: CheckManipulation.Response

@@ -10,7 +10,7 @@ from emd_arm_executor.motion_planner import MotionPlanner
 from emd_cell.fold_check.random_goals import FoldGoal, fold_without_robot, random_goal
 from emd_cell.ros.cell_client import CellClient
 from emd_core.errors import CellError
-from emd_core.manipulation import Manipulation
+from emd_core.independent_manipulation import HandsManipulation
 from emd_core.metrics import voxel_mse
 
 # Plans tried, each from another seed, when the arms cannot carry one out.
@@ -74,13 +74,14 @@ def _fold(
     seed: int,
     record: dict[str, Any],
     on_phase: Callable[[str], None],
-) -> Manipulation:
+) -> HandsManipulation:
     """Plan and carry out; plans that the arms refuse are followed by others."""
     on_phase("looking")
     seen = client.capture().grid
     phases: list[str] = []
 
     def follow(phase: str, progress: float) -> None:
+        """Count how often jaws begin to close."""
         on_phase(f"{phase} {progress:.0%}")
         if phase == _GRASP and (not phases or phases[-1] != _GRASP):
             record["grasps"] += 1

@@ -14,6 +14,7 @@ from emd_cloth_sim.config import ClothConfig
 from emd_cloth_sim.manipulate import manipulate
 from emd_core.errors import CellError, SimulationError
 from emd_core.frames import FieldOfView, FloatArray
+from emd_core.independent_manipulation import HandsManipulation
 from emd_core.manipulation import Manipulation
 from emd_core.metrics import voxel_mse
 from emd_core.voxel_grid import VoxelGrid, voxelise
@@ -51,10 +52,7 @@ def random_goal(planner: MotionPlanner, seed: int, index: int) -> FoldGoal:
     size = np.array(flat.config.side_lengths)
     silhouette = flat_silhouette(size, flat.config.thickness)
     while True:
-        points, displacement = random_fold(rng, size, bool(rng.random() < 0.5))
-        rows = np.full((2, 2), np.nan)
-        rows[: len(points)] = points
-        manipulation = Manipulation(rows, displacement)
+        manipulation = random_manipulation(rng, size)
         try:
             planner.plan_motion(manipulation, silhouette, planner.robot.description.rest)
         except CellError:
@@ -67,7 +65,15 @@ def random_goal(planner: MotionPlanner, seed: int, index: int) -> FoldGoal:
             return FoldGoal(outcome, manipulation, change)
 
 
-def fold_without_robot(manipulation: Manipulation) -> VoxelGrid | None:
+def random_manipulation(rng: np.random.Generator, size: FloatArray) -> Manipulation:
+    """Draw a fold of a flat cloth of this size (2,), metres, by one hand or, as often, by both."""
+    points, displacement = random_fold(rng, size, bool(rng.random() < 0.5))
+    rows = np.full((2, 2), np.nan)
+    rows[: len(points)] = points
+    return Manipulation(rows, displacement)
+
+
+def fold_without_robot(manipulation: HandsManipulation) -> VoxelGrid | None:
     """Give what a manipulation makes of the cell's flat cloth; None if that cannot be believed."""
     cloth = Cloth(ClothConfig())
     try:

@@ -18,6 +18,7 @@ from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
 from emd_core.errors import DeadlineError, ErrorCode, InvalidInputError, error_from_code
+from emd_core.independent_manipulation import HandsManipulation
 from emd_core.manipulation import Manipulation
 from emd_core.ros import conversions
 from emd_core.voxel_grid import VoxelGrid
@@ -154,9 +155,9 @@ class CellClient(Node):
 
     def execute(
         self,
-        manipulation: Manipulation,
+        manipulation: HandsManipulation,
         on_feedback: Callable[[str, float], None] | None = None,
-    ) -> Manipulation:
+    ) -> HandsManipulation:
         """Carry out a manipulation; gives it back with the points really grasped."""
         header = conversions.header(self.get_clock().now().to_msg(), conversions.TABLE_FRAME)
         request = ExecuteManipulation.Goal(
@@ -168,7 +169,7 @@ class CellClient(Node):
             lambda message: on_feedback and on_feedback(message.phase, message.progress),
             timeout=600.0,
         )
-        return conversions.manipulation_from_message(result.executed)
+        return conversions.hands_manipulation_from_message(result.executed)
 
     def go_home(self, timeout: float = 120.0) -> None:
         """Send both arms home."""

@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from emd_cloth_sim.cloth import Cloth
 from emd_cloth_sim.config import ClothConfig
-from emd_cloth_sim.independent_hands import IndependentManipulation
 from emd_cloth_sim.manipulate import manipulate
 from emd_cloth_sim.neat_folds import neat_fold
 from emd_cloth_sim.random_manipulation import ManipulationRule
 from emd_core.errors import SimulationError
 from emd_core.frames import FieldOfView, FloatArray
-from emd_core.manipulation import Manipulation
+from emd_core.independent_manipulation import HandsManipulation
 
 SHAPES = ("flat", "half", "quarter", "diagonal", "thirds", "crumpled")
 _SHARES = (0.15, 0.2, 0.2, 0.1, 0.05, 0.3)
@@ -97,9 +96,7 @@ def draw_state(rng: np.random.Generator, config: ClothConfig) -> ClothState:
     return ClothState(shape, config, positions, cloth.triangles)
 
 
-def _to_make(
-    shape: str, cloth: Cloth, rng: np.random.Generator
-) -> Iterator[Manipulation | IndependentManipulation]:
+def _to_make(shape: str, cloth: Cloth, rng: np.random.Generator) -> Iterator[HandsManipulation]:
     """Give what hands do to a flat cloth; a random one is drawn when it is its turn."""
     if shape == "flat":
         return

@@ -18,6 +18,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FieldOfView, FloatArray, pose_from_transform, transform_from_pose
+from emd_core.independent_manipulation import HandsManipulation, IndependentManipulation
 from emd_core.lens_distortion import LensDistortion
 from emd_core.manipulation import Manipulation
 from emd_core.pinhole_camera import PinholeCamera
@@ -144,28 +145,52 @@ def _unknown_columns(
     return np.unpackbits(data, count=count).reshape(size[:2]).astype(bool)
 
 
-def manipulation_to_message(manipulation: Manipulation, message_header: Header) -> ManipulationMsg:
+def manipulation_to_message(
+    manipulation: HandsManipulation, message_header: Header
+) -> ManipulationMsg:
     """Convert a manipulation; unused points become 0 with `used` false, free directions 0."""
     points = np.nan_to_num(manipulation.grasp_points_in_table)
     asked = manipulation.grasp_directions_in_table
     directions = np.zeros((2, 2)) if asked is None else np.nan_to_num(asked)
-    dx, dy = manipulation.displacement_in_table.tolist()
-    return ManipulationMsg(
+    message = ManipulationMsg(
         header=message_header,
         grasp_points=[Point(x=float(x), y=float(y)) for x, y in points],
         used=list(manipulation.used),
-        displacement=Vector3(x=dx, y=dy),
         grasp_directions=[Vector3(x=float(x), y=float(y)) for x, y in directions],
     )
+    displacements = np.nan_to_num(manipulation.displacements_in_table).tolist()
+    if isinstance(manipulation, IndependentManipulation):
+        message.displacements = [Vector3(x=dx, y=dy) for dx, dy in displacements]
+    else:
+        dx, dy = displacements[0]
+        message.displacement = Vector3(x=dx, y=dy)
+    return message
 
 
 def manipulation_from_message(message: ManipulationMsg) -> Manipulation:
-    """Read a manipulation.
+    """Read a manipulation in which both hands share one displacement.
+
+    Raises:
+        InvalidInputError: If it is not in the table frame, nothing is used, a value is NaN, or
+            each hand has a displacement of its own.
+    """
+    manipulation = hands_manipulation_from_message(message)
+    if isinstance(manipulation, IndependentManipulation):
+        raise InvalidInputError(
+            "one displacement for both hands is wanted here, got one for each; leave "
+            "`displacements` empty"
+        )
+    return manipulation
+
+
+def hands_manipulation_from_message(message: ManipulationMsg) -> HandsManipulation:
+    """Read a manipulation in which hands may have displacements of their own.
 
     A grasp direction may have any length; it is given back as a unit vector.
 
     Raises:
-        InvalidInputError: If it is not in the table frame, nothing is used, or a value is NaN.
+        InvalidInputError: If it is not in the table frame, nothing is used, a value is NaN, or
+            there is a displacement for one of the two points only.
     """
     if message.header.frame_id not in ("", TABLE_FRAME):
         raise InvalidInputError(
@@ -179,8 +204,18 @@ def manipulation_from_message(message: ManipulationMsg) -> Manipulation:
             "mark a point that is not wanted with used = false"
         )
     points[~used] = np.nan
-    displacement = np.array([message.displacement.x, message.displacement.y])
-    return Manipulation(points, displacement, _directions(message))
+    directions = _directions(message)
+    if not message.displacements:
+        displacement = np.array([message.displacement.x, message.displacement.y])
+        return Manipulation(points, displacement, directions)
+    displacements = np.array([[move.x, move.y] for move in message.displacements])
+    if displacements.shape != points.shape or not np.isfinite(displacements[used]).all():
+        raise InvalidInputError(
+            "`displacements` must be empty or finite for each of the two points, got "
+            f"{displacements.tolist()}"
+        )
+    displacements[~used] = np.nan
+    return IndependentManipulation(points, displacements, directions)
 
 
 def _directions(message: ManipulationMsg) -> FloatArray | None:

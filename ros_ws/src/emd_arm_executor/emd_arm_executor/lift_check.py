@@ -1,0 +1,59 @@
+"""Whether hands took cloth along, judged from what the camera saw before and after."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from emd_arm_executor.config import SightConfig
+from emd_arm_executor.motion_plan import MotionPlan
+from emd_arm_executor.silhouette import Silhouette
+from emd_core.frames import FloatArray
+
+# Distance between the places at which two silhouettes are compared, metres.
+_STEP = 0.001
+
+
+def unmoved_arms(
+    plan: MotionPlan, before: Silhouette, after: Silhouette, config: SightConfig | None = None
+) -> list[str]:
+    """Name the arms at whose hems the cloth lies as it lay before.
+
+    Args:
+        plan: What was carried out.
+        before: The cloth before the manipulation.
+        after: The cloth when the arms have left it.
+        config: How much must have changed.
+    """
+    config = config or SightConfig()
+    return [
+        arm
+        for arm, grasp in plan.grasps.items()
+        if np.linalg.norm(plan.displacements_in_table[arm]) >= config.radius
+        and changed_share(before, after, grasp.hem.point_in_table, config.radius)
+        < config.moved_share
+    ]
+
+
+def changed_share(
+    before: Silhouette, after: Silhouette, point_in_table: FloatArray, radius: float
+) -> float:
+    """Compare two silhouettes around a point.
+
+    A folded hem leaves the table bare, one that was pulled covers what was bare.
+
+    Args:
+        before: The cloth.
+        after: The cloth later.
+        point_in_table: Shape (2,), metres.
+        radius: How far around it counts, metres.
+
+    Returns:
+        Of the area that is covered in one or both of them, the share that is covered in one only,
+        0..1; 0 if none is covered.
+    """
+    axis = np.arange(-radius, radius + _STEP / 2, _STEP)
+    offsets = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
+    places = point_in_table + offsets[np.hypot(*offsets.T) <= radius]
+    first, second = before.covers(places), after.covers(places)
+    either = int(np.count_nonzero(first | second))
+    return int(np.count_nonzero(first ^ second)) / max(either, 1)
