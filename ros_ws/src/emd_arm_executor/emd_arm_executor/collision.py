@@ -161,7 +161,7 @@ class CollisionChecker:
             rooms.append(self.clearances(configurations[index])[pairs])
             if (rooms[-1] <= 0.0).any():
                 return self._meeting(rooms[-1], pairs, index / max(ends[1], 1))
-        open_parts = deque([(*ends, pairs, *rooms)])
+        open_parts = deque([(0, ends[1], pairs, rooms[0], rooms[1])])
         while open_parts:
             first, last, pairs, before, after = open_parts.popleft()
             travel = self.bound.travel(turned[last] - turned[first], pairs)

@@ -19,6 +19,7 @@ from emd_planner.augmentation import Examples, augment
 from emd_planner.checkpoint import load_checkpoint, save_checkpoint
 from emd_planner.config import TrainingConfig
 from emd_planner.dataset import SequenceSet
+from emd_planner.planning_net import multiplies_bfloat16
 from emd_planner.process_group import ProcessGroup
 from emd_planner.recipe import Losses, make_recipe
 from emd_planner.speed import SpeedMeter, count_operations
@@ -93,7 +94,7 @@ class Trainer:
         if run.start_from is not None:
             self.started_anew = _take_weights(self.net, load_net(run.start_from))
         self.net.to(run.group.device)
-        if config.bfloat16:
+        if config.bfloat16 and multiplies_bfloat16(run.group.device):
             self.net.compute_type = torch.bfloat16
         self.average = {n: p.detach().clone() for n, p in self.net.named_parameters()}
         self.recipe = make_recipe(self.net, config, run.group)
