@@ -264,9 +264,9 @@ def rgb_from_message(message: Any) -> NDArray[np.uint8]:
         raise InvalidInputError(
             f"a colour image (rgb8, bgr8, rgba8, bgra8, bayer_*) is needed, got {message.encoding}"
         )
-    if message.encoding.startswith(("bgr", "8UC3")):
-        return np.ascontiguousarray(image[..., 2::-1])
-    return np.ascontiguousarray(image[..., :3])  # rgb8 is passed on as it is
+    reversed_order = message.encoding.startswith(("bgr", "8UC3"))
+    # A slice is copied faster than the same channels by a list of indices.
+    return np.array(image[..., 2::-1] if reversed_order else image[..., :3], order="C")
 
 
 def camera_from_message(message: Any) -> PinholeCamera:
