@@ -299,13 +299,9 @@ def rgb_from_message(message: Any) -> NDArray[np.uint8]:
         raise InvalidInputError(
             f"a colour image (rgb8, bgr8, rgba8, bgra8, bayer_*) is needed, got {message.encoding}"
         )
-    if message.encoding == "rgb8":
-        return image
-    order = (2, 1, 0) if message.encoding.startswith(("bgr", "8UC3")) else (0, 1, 2)
-    rgb = np.empty((*image.shape[:2], 3), dtype=np.uint8)
-    for channel, source in enumerate(order):  # several times as fast as one fancy index
-        rgb[..., channel] = image[..., source]
-    return rgb
+    reversed_order = message.encoding.startswith(("bgr", "8UC3"))
+    # A slice is copied faster than the same channels by a list of indices.
+    return np.array(image[..., 2::-1] if reversed_order else image[..., :3], order="C")
 
 
 def camera_from_message(message: Any) -> PinholeCamera:
