@@ -134,6 +134,23 @@ def test_cloth_that_never_moves_is_a_failed_grasp(
         runner.run(task([[0.16, -0.16]], [-0.1, 0.1]), towel())
 
 
+def test_the_shortest_ways_are_not_judged(
+    planner: MotionPlanner,
+    robot: RobotModel,
+    jaws: EmptyJaws,
+    towel: Callable[..., Silhouette],
+    task: Callable[..., Manipulation],
+) -> None:
+    """No change is no failure where the hand moves too little to make one."""
+    jaws.misses, camera, plans = 0, Camera(towel()), []
+    runner = ManipulationRunner(planner, MotionExecutor(jaws, robot), camera.look)
+    # 44 mm, shortened by twice the grip and the jaws' depth, leave 12 mm.
+    short = task([[0.2, 0.0]], [-0.044, 0.0])
+    done = runner.run(short, towel(), RunCallbacks(on_plan=plans.append))
+    assert (len(plans), camera.looks) == (1, 1)
+    assert all(np.linalg.norm(way) < 0.02 for way in done.displacements_in_table.values())
+
+
 def test_a_moved_cloth_is_not_grasped_again(
     planner: MotionPlanner,
     robot: RobotModel,

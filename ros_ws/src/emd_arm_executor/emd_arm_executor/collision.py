@@ -25,6 +25,10 @@ TABLE = "table"
 
 _CLEARANCE = attrgetter("distance_lower_bound")
 
+# First and last row of a part of a path, pairs that are not proven free in it, their clearances
+# at its ends.
+_OpenPart = tuple[int, int, NDArray[np.intp], FloatArray, FloatArray]
+
 
 @dataclass(frozen=True)
 class Contact:
@@ -161,7 +165,7 @@ class CollisionChecker:
             rooms.append(self.clearances(configurations[index])[pairs])
             if (rooms[-1] <= 0.0).any():
                 return self._meeting(rooms[-1], pairs, index / max(ends[1], 1))
-        open_parts = deque([(0, ends[1], pairs, rooms[0], rooms[1])])
+        open_parts: deque[_OpenPart] = deque([(*ends, pairs, rooms[0], rooms[1])])
         while open_parts:
             first, last, pairs, before, after = open_parts.popleft()
             travel = self.bound.travel(turned[last] - turned[first], pairs)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from emd_arm_executor.config import SightConfig
-from emd_arm_executor.motion_plan import MotionPlan
+from emd_arm_executor.grasp import GraspPose
 from emd_arm_executor.silhouette import Silhouette
 from emd_core.frames import FloatArray
 
@@ -14,12 +16,15 @@ _STEP = 0.001
 
 
 def unmoved_arms(
-    plan: MotionPlan, before: Silhouette, after: Silhouette, config: SightConfig | None = None
+    grasps: Mapping[str, GraspPose],
+    before: Silhouette,
+    after: Silhouette,
+    config: SightConfig | None = None,
 ) -> list[str]:
     """Name the arms at whose hems the cloth lies as it lay before.
 
     Args:
-        plan: What was carried out.
+        grasps: How each arm gripped.
         before: The cloth before the manipulation.
         after: The cloth when the arms have left it.
         config: How much must have changed.
@@ -27,9 +32,8 @@ def unmoved_arms(
     config = config or SightConfig()
     return [
         arm
-        for arm, grasp in plan.grasps.items()
-        if np.linalg.norm(plan.displacements_in_table[arm]) >= config.radius
-        and changed_share(before, after, grasp.hem.point_in_table, config.radius)
+        for arm, grasp in grasps.items()
+        if changed_share(before, after, grasp.hem.point_in_table, config.radius)
         < config.moved_share
     ]
 

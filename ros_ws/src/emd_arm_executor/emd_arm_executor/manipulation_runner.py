@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from emd_arm_executor.executor import ClothLostError, MotionExecutor, ShouldStop
 from emd_arm_executor.lift_check import unmoved_arms
 from emd_arm_executor.motion_plan import MotionPlan, PhaseName
@@ -150,15 +152,22 @@ class ManipulationRunner:
         seen = self._look()
         if seen is None:
             return failure
-        unmoved = unmoved_arms(plan, silhouette, seen, self.executor.config.sight)
-        if failure is None and unmoved:
-            failure = GraspFailedError(
-                f"the {' and '.join(unmoved)} hand should have taken cloth along, the camera sees "
-                "its hem where it was"
-            )
+        unmoved = unmoved_arms(plan.grasps, silhouette, seen, self.executor.config.sight)
+        failure = failure or self._seen_failure(plan, unmoved)
         if failure is not None and len(unmoved) < len(plan.grasps):
             raise GraspFailedError(
                 f"{failure}; the cloth has moved all the same: look at it and plan anew; both "
                 "arms are home"
             ) from failure
         return failure
+
+    def _seen_failure(self, plan: MotionPlan, unmoved: Sequence[str]) -> GraspFailedError | None:
+        """Tell whether arms that carried something leave no change behind; short ways may."""
+        least, ways = self.executor.config.sight.radius, plan.displacements_in_table
+        empty = [arm for arm in unmoved if np.linalg.norm(ways[arm]) >= least]
+        if not empty:
+            return None
+        return GraspFailedError(
+            f"the {' and '.join(empty)} hand should have taken cloth along, the camera sees its "
+            "hem where it was"
+        )
