@@ -23,7 +23,7 @@ def reduce_colour(colour: ColourImage, shape: tuple[int, int]) -> ColourImage:
         Shape (h, w, 3), uint8.
     """
     rows, columns = colour.shape[:2]
-    while rows % 2 == columns % 2 == 0 and rows >= 2 * shape[0] and columns >= 2 * shape[1]:
+    while rows % (2 * shape[0]) == columns % (2 * shape[1]) == 0:  # so that blocks stay whole
         rows, columns = rows // 2, columns // 2
         colour = _resized(colour, (rows, columns))
     return _resized(colour, shape)

@@ -45,7 +45,7 @@ def fit_colours(
     covariance = np.diag(floor**2)
     squared = np.empty(count)
     for _ in range(_CONCENTRATION_STEPS):
-        precision = np.linalg.inv(covariance)
+        precision = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
         _square_distances(colours, basis, trend, precision, squared)
         limit = np.partition(squared, kept_count)[kept_count]
         trend, covariance = _fit_within(colours, basis, squared, limit, floor)
@@ -84,7 +84,7 @@ def fit_heights(
             break
         for term in range(1, TERMS):
             normal[term, term] += _HEIGHT_RIDGE * count
-        trend = np.linalg.solve(normal, wanted)
+        trend = np.asarray(np.linalg.solve(normal, wanted), dtype=np.float64)
         for index in range(count):
             left[index] = heights[kept[index]] - _level(basis[kept[index]], trend)
         middle = np.median(left[:count])
@@ -115,7 +115,7 @@ def _fit_within(
     ridged = normal.copy()
     for term in range(1, TERMS):
         ridged[term, term] += _COLOUR_RIDGE * count
-    trend = np.linalg.solve(ridged, wanted)
+    trend = np.asarray(np.linalg.solve(ridged, wanted), dtype=np.float64)
     # Sums of the residuals c - B t and of their products, from those of c and B.
     shared = trend.T @ wanted
     left = total - normal[0] @ trend

@@ -50,8 +50,8 @@ def ray_parts(directions: FloatArray, camera: PinholeCamera) -> tuple[FloatImage
 @lru_cache(maxsize=4)
 def _slopes(camera: PinholeCamera) -> tuple[FloatArray, FloatArray]:
     """Directions x / z of the columns' rays, shape (W,), and y / z of the rows', shape (H,)."""
-    x = (np.arange(camera.width) - camera.cx) / camera.fx
-    y = (np.arange(camera.height) - camera.cy) / camera.fy
+    x = (np.arange(camera.width, dtype=np.float64) - camera.cx) / camera.fx
+    y = (np.arange(camera.height, dtype=np.float64) - camera.cy) / camera.fy
     x.flags.writeable = y.flags.writeable = False  # all callers share them
     return x, y
 

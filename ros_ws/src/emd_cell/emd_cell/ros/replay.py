@@ -60,7 +60,7 @@ class BagReplay:
             for kind in CALIBRATIONS:  # a bag may hold images from before the first of them
                 known = reader.first(kind)
                 if known is not None:
-                    self._client.publish(known)
+                    self._client.remember(known)
             for message in reader.messages():
                 self._take(message, reader, summary)
                 on_frame(summary)
@@ -76,7 +76,7 @@ class BagReplay:
             reason = f"{message.kind} message cannot be decoded: {message.error}"
             summary.skip(message.stamp, reason)
         elif message.kind in CALIBRATIONS:
-            self._client.publish(message)
+            self._client.remember(message)
         else:
             pair = self._matcher.add(message.kind, message.stamp, message)
             if pair is not None:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from numpy.typing import NDArray
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, Image
@@ -28,6 +30,7 @@ from emd_perception.ros.perception_publisher import CLOTH
 NAMESPACE = "/replay"  # keeps the replay apart from a live cell
 CALIBRATIONS = ("info", "depth_info", "pose")
 _RESEND = 5.0  # seconds; an image may be lost on its way
+_AFTER_STAMP = 12  # bytes of a serialised message: 4 of encapsulation, then the header's stamp
 
 
 @dataclass(frozen=True)
@@ -44,25 +47,35 @@ class ReplayClient(Node):
 
     def __init__(self, config: InputConfig) -> None:
         """Make the publishers and subscriptions in the replay's own namespace."""
-        super().__init__("replay", namespace=NAMESPACE)
+        super().__init__(
+            "replay", namespace=NAMESPACE, start_parameter_services=False, enable_rosout=False
+        )
         depth_topic, depth_type = camera_topics.DEPTH[config.source]
+        # An executor waits for all handlers of events in each turn, and here nobody needs them.
+        no_events = PublisherEventCallbacks(use_default_callbacks=False)
+        advertise = partial(self.create_publisher, event_callbacks=no_events)
         self._publishers_by_kind = {
-            "color": self.create_publisher(Image, camera_topics.COLOUR, 5),
-            "depth": self.create_publisher(depth_type, depth_topic, 5),
-            "info": self.create_publisher(CameraInfo, camera_topics.INFO, 5),
-            "pose": self.create_publisher(PoseStamped, camera_topics.POSE, LATCHED),
+            "color": advertise(Image, camera_topics.COLOUR, 5),
+            "depth": advertise(depth_type, depth_topic, 5),
+            "info": advertise(CameraInfo, camera_topics.INFO, 5),
+            "pose": advertise(PoseStamped, camera_topics.POSE, LATCHED),
         }
         if config.source is DepthSource.UNREGISTERED:
-            self._publishers_by_kind["depth_info"] = self.create_publisher(
+            self._publishers_by_kind["depth_info"] = advertise(
                 CameraInfo, camera_topics.DEPTH_INFO, 5
             )
         self._known: dict[str, BagMessage] = {}
+        self._told: dict[str, bytes] = {}
         self._grids: dict[int, VoxelGrid] = {}
         self._masks: dict[int, NDArray[np.bool_]] = {}
         self._verdicts: dict[int, dict[str, str]] = {}
-        self.create_subscription(VoxelGridMsg, "perception/voxel_grid", self._on_grid, 5)
-        self.create_subscription(Image, "perception/mask", self._on_mask, 5)
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
+        listen = partial(
+            self.create_subscription,
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+        )
+        listen(VoxelGridMsg, "perception/voxel_grid", self._on_grid, 5)
+        listen(Image, "perception/mask", self._on_mask, 5)
+        listen(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
         self._spinner = SingleThreadedExecutor()
         self._spinner.add_node(self)
 
@@ -84,13 +97,10 @@ class ReplayClient(Node):
         while time.monotonic() < settled:
             self._spinner.spin_once(timeout_sec=0.05)
 
-    def publish(self, message: BagMessage) -> None:
-        """Send a message as it was recorded; calibrations and pose again with every pair."""
-        if message.kind not in self._publishers_by_kind:
-            return  # this input does not listen to it
-        if message.kind in CALIBRATIONS:
+    def remember(self, message: BagMessage) -> None:
+        """Keep a calibration or pose; it is sent with the next pair if it says something new."""
+        if message.kind in self._publishers_by_kind:
             self._known[message.kind] = message
-        self._publishers_by_kind[message.kind].publish(bytes(message.data))
 
     def play_pair(
         self,
@@ -117,10 +127,11 @@ class ReplayClient(Node):
                 raise DeadlineError(f"perception did not answer within {timeout:.0f} s")
             if time.monotonic() > resend:  # images are sent best effort
                 check()
-                for message in (*self._known.values(), color, depth):
-                    self.publish(message)
+                if resend > 0.0:
+                    self._told.clear()
+                self._send(color, depth)
                 resend = time.monotonic() + _RESEND
-            self._spinner.spin_once(timeout_sec=0.02)
+            self._spinner.spin_once(timeout_sec=0.2)
         answer = Answer(
             self._verdicts[color.stamp],
             self._grids.get(color.stamp),
@@ -129,6 +140,16 @@ class ReplayClient(Node):
         for answers in (self._verdicts, self._grids, self._masks):
             answers.clear()  # also late ones to earlier pairs
         return answer
+
+    def _send(self, *images: BagMessage) -> None:
+        """Send images as they were recorded, before them what was not told yet."""
+        for kind, message in self._known.items():
+            content = message.data[_AFTER_STAMP:]
+            if self._told.get(kind) != content:
+                self._told[kind] = content
+                self._publishers_by_kind[kind].publish(message.data)
+        for message in images:
+            self._publishers_by_kind[message.kind].publish(message.data)
 
     def _answered(self, stamp: int) -> bool:
         verdict = self._verdicts.get(stamp)

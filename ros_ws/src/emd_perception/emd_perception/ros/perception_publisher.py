@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Header
@@ -50,11 +52,14 @@ class PerceptionPublisher:
     def __init__(self, node: Node) -> None:
         """Advertise the topics."""
         self._name = node.get_fully_qualified_name()
-        self._grid = node.create_publisher(VoxelGridMsg, "perception/voxel_grid", 5)
-        self._mask = node.create_publisher(Image, "perception/mask", 5)
-        self._points = node.create_publisher(PointCloud2, "perception/points", 5)
-        self._markers = node.create_publisher(MarkerArray, "perception/markers", 5)
-        self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        # An executor waits for all handlers of events in each turn; subscribers warn of QoS too.
+        no_events = PublisherEventCallbacks(use_default_callbacks=False)
+        advertise = partial(node.create_publisher, event_callbacks=no_events)
+        self._grid = advertise(VoxelGridMsg, "perception/voxel_grid", 5)
+        self._mask = advertise(Image, "perception/mask", 5)
+        self._points = advertise(PointCloud2, "perception/points", 5)
+        self._markers = advertise(MarkerArray, "perception/markers", 5)
+        self._diagnostics = advertise(DiagnosticArray, "/diagnostics", 10)
 
     def publish(self, perception: Perception, pair: FramePair, dropped: int) -> None:
         """Publish everything about `pair`; `dropped` frames were left out so far."""
