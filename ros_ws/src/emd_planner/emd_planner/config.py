@@ -242,6 +242,8 @@ class PlannerConfig:
             right, mean of p (1 - g) + (1 - p) g; it also counts what the net is unsure of (ours).
         halve_every: Iterations after which the worse half of the restarts ends, again and again;
             0: never (ours, successive halving).
+        judged: How many of the best restarts are adjusted (`grasp_on_cloth`, `keep_in_reach`)
+            before the cheapest is chosen (ours).
         patience: Iterations without improvement after which a search stops; 25 in the paper.
         eta_plus: Growth of a step whose gradient keeps its sign; 2.0 in the paper.
         eta_minus: Shrinkage of a step whose gradient changed sign; 0.33 in the paper.
@@ -287,6 +289,7 @@ class PlannerConfig:
     try_single_handed: bool = False
     goal_cost: Literal["squared", "expected"] = "squared"
     halve_every: int = 0
+    judged: int = 1
     patience: int = 25
     eta_plus: float = 2.0
     eta_minus: float = 0.33
@@ -324,7 +327,7 @@ class PlannerConfig:
             raise InvalidInputError(
                 f"goal_cost must be 'squared' or 'expected', got {self.goal_cost!r}"
             )
-        for name in ("restarts", "max_iterations", "max_steps"):
+        for name in ("restarts", "max_iterations", "max_steps", "judged"):
             if getattr(self, name) < 1:
                 raise InvalidInputError(f"{name} must be 1 or more, got {getattr(self, name)}")
         for name in ("guessed_share", "single_handed_share", "threshold"):
@@ -349,6 +352,7 @@ PLANNERS: dict[str, PlannerConfig] = {
         try_single_handed=True,
         goal_cost="expected",
         halve_every=4,
+        judged=3,
         bfloat16=True,
         grasp_on_cloth=True,
         keep_in_reach=True,

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 import torch
 from torch import Tensor
@@ -22,7 +24,12 @@ from emd_planner.plan_cost import plan_cost
 from emd_planner.planner import SearchProgress, SearchResult, search
 from emd_planner.planning_net import planning_copy
 from emd_planner.silhouette import columns_of, onto_silhouette, silhouettes
-from emd_planner.starts import guessed_sequences, random_values, with_one_hand
+from emd_planner.starts import (
+    guessed_sequences,
+    random_values,
+    with_one_hand,
+    without_doubtful_hand,
+)
 from emd_planner.state_predictor import StatePredictor
 
 _ADJUSTMENTS = 3  # of a sequence, each of which may call for another one
@@ -147,12 +154,31 @@ class PlanningProblem:
         return found
 
     def candidates(self, found: SearchResult) -> Iterator[Candidate]:
-        """Give the sequences that grasp cloth in every step, the cheapest first."""
-        for values, cost in zip(found.values, found.costs, strict=True):
-            if cost.isfinite():
-                candidate = self._candidate(values, float(cost))
-                if candidate is not None:
-                    yield candidate
+        """Give the sequences that grasp cloth in every step.
+
+        Adjusting them can change their costs, so the `judged` cheapest of the search are adjusted
+        before any is given, and come in the order of the costs they have then; the others follow
+        as the search ordered them.
+        """
+        costs = zip(found.values, found.costs, strict=True)
+        rows = iter([(values, float(cost)) for values, cost in costs if cost.isfinite()])
+        judged = islice(rows, self._config.judged)
+        best = [candidate for values, cost in judged for candidate in self._ways(values, cost)]
+        yield from sorted(best, key=lambda candidate: candidate.cost)
+        for values, cost in rows:
+            yield from self._ways(values, cost)
+
+    def _ways(self, values: Tensor, cost: float) -> Iterator[Candidate]:
+        """Adjust a sequence; where one of its first hands is beside the cloth, without it, too."""
+        options = [(values, cost)]
+        if self._config.grasp_on_cloth:
+            tolerance = self._config.grasp_tolerance_voxels
+            single = without_doubtful_hand(values, silhouettes(self._graspable), tolerance)
+            options += [(option, math.inf) for option in single]
+        for option, known in options:
+            candidate = self._candidate(option, known)
+            if candidate is not None:
+                yield candidate
 
     def fold_plan(self, candidate: Candidate, elapsed_ms: float) -> FoldPlan:
         """Turn a candidate into the planner's answer."""
@@ -233,7 +259,7 @@ class PlanningProblem:
 
     @torch.no_grad()
     def _candidate(self, values: Tensor, cost: float) -> Candidate | None:
-        """Adjust a sequence (n, 6) and predict it with the net itself.
+        """Adjust a sequence (n, 6) and predict it with the net itself; infinite cost: not known.
 
         None if a step of it grasps no cloth, the first one grasps where something hides the cloth,
         or one leaves the reach in which it must be kept.
@@ -250,7 +276,7 @@ class PlanningProblem:
             states, _, used = self._foreseen(values)
         if not used.any(1).all() or self._is_hidden(values[0, :4].view(2, 2)[used[0]]):
             return None
-        if values is not first:
+        if values is not first or math.isinf(cost):
             cost = float(self._cost.total(states[None], values[None]))
         excess = 0.0
         if self._cost.reach is not None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from emd_planner.silhouette import silhouettes
+from emd_planner.silhouette import dilate, outside_cloth, silhouettes
 from emd_planner.state_predictor import StatePredictor
 from emd_planner.unused_hands import random_points_outside
 
@@ -80,6 +80,36 @@ def with_one_hand(
         changed[rows, chosen, :2] = values[rows, chosen, 2:4]
     changed[rows, chosen, 2:4] = outside.to(values)
     return changed
+
+
+def without_doubtful_hand(
+    values: Tensor, silhouette: Tensor, tolerance_voxels: int
+) -> list[Tensor]:
+    """Take a hand off the cloth whose first grasp lies just beside it.
+
+    The search may have meant such a hand to miss, and not to be moved onto the cloth.
+
+    Args:
+        values: One sequence, shape (n, 6).
+        silhouette: Of the initial state, boolean (X, Y).
+        tolerance_voxels: How far beside the cloth a point counts as grasping.
+
+    Returns:
+        The sequence without it, for each such hand that is not the only one.
+    """
+    points = values[0, :4].view(2, 2)
+    cloth = silhouette.expand(2, *silhouette.shape)
+    grasps = ~outside_cloth(points, dilate(cloth, tolerance_voxels))
+    doubtful = grasps & outside_cloth(points, cloth)
+    generator = torch.Generator().manual_seed(0)  # any place will do
+    away = random_points_outside(silhouette.cpu(), generator, tolerance_voxels + 1).to(values)
+    found = []
+    for hand in range(2):
+        if doubtful[hand] and grasps[1 - hand]:
+            single = values.clone()
+            single[0, 2 * hand : 2 * hand + 2] = away[hand]
+            found.append(single)
+    return found
 
 
 @dataclass(frozen=True)
