@@ -233,6 +233,8 @@ class PlannerConfig:
             best `restarts` of them; 0: from `restarts` random ones (ours).
         guessed_share: Share of the starts that are drawn from the net's guesses, if it makes any
             (ours).
+        outline_folds: Whether folds along the cloth's outline begin further candidates,
+            which go on as the net guesses (ours); see `emd_planner.outline_folds`.
         single_handed_share: Share of the random starts' steps in which the second hand starts
             off the cloth (ours).
         try_single_handed: Whether of the best starts such are rated, too, of which one hand is
@@ -285,6 +287,7 @@ class PlannerConfig:
     max_iterations: int = 100
     candidates: int = 0
     guessed_share: float = 0.0
+    outline_folds: bool = False
     single_handed_share: float = 0.0
     try_single_handed: bool = False
     goal_cost: Literal["squared", "expected"] = "squared"
@@ -346,8 +349,9 @@ PLANNERS: dict[str, PlannerConfig] = {
     "ours": PlannerConfig(
         restarts=8,
         max_iterations=12,
-        candidates=64,
+        candidates=48,
         guessed_share=0.75,
+        outline_folds=True,
         single_handed_share=0.5,
         try_single_handed=True,
         goal_cost="expected",

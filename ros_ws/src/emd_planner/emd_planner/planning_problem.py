@@ -20,6 +20,7 @@ from emd_planner.fold_plan import FoldPlan, PlanningProgress
 from emd_planner.interruption import TimeIsUp, ask_between_layers
 from emd_planner.into_reach import into_reach
 from emd_planner.losses import state_loss
+from emd_planner.outline_folds import outline_folds
 from emd_planner.plan_cost import plan_cost
 from emd_planner.planner import SearchProgress, SearchResult, search
 from emd_planner.planning_net import planning_copy
@@ -222,6 +223,7 @@ class PlanningProblem:
                 generator,
                 self._limits,
                 config.threshold,
+                outline_folds(silhouettes(self._graspable)) if config.outline_folds else None,
             )
         values = random_values(
             count if guessed is None else count - guesses,

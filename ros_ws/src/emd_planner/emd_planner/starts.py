@@ -135,6 +135,7 @@ def guessed_sequences(
     generator: torch.Generator,
     limits: Tensor,
     threshold: float = 0.5,
+    first: Tensor | None = None,
 ) -> GuessedSequences | None:
     """Draw whole sequences from the net's guesses, each step from the state predicted before it.
 
@@ -147,13 +148,15 @@ def guessed_sequences(
         generator: On the CPU.
         limits: Largest magnitude of each value of a manipulation, shape (6,).
         threshold: Predicted value from which a voxel counts as occupied.
+        first: First manipulations of further sequences, shape (F, 6), a NaN point: not used.
 
     Returns:
-        `count` sequences; None for a net without guesses. A hand that is not used is put at a
-        random place outside the cloth.
+        `count` sequences and those that go on after `first`; None for a net without guesses. A
+        hand that is not used is put at a random place outside the cloth.
     """
+    given = initial.new_zeros((0, 6), dtype=torch.float32) if first is None else first
     codes, goal_code = net.encode(torch.stack([initial, goal])).split(1)
-    state = initial.expand(count, *initial.shape)
+    state = initial.expand(count + len(given), *initial.shape)
     drawn, predicted = [], []
     for step in range(steps):
         left = torch.full((len(codes),), steps - step, device=codes.device)
@@ -161,8 +164,11 @@ def guessed_sequences(
         if guesses is None:
             return None
         if step == 0:  # one state, many draws
-            guesses, codes = guesses.expand(count), codes.expand(count, *codes.shape[1:])
+            guesses, codes = guesses.expand(count), codes.expand(len(state), *codes.shape[1:])
         values, both = guesses.draw(generator)
+        if step == 0:
+            values = torch.cat([values, given.to(values)])
+            both = torch.cat([both, given[:, 2].isfinite().to(both)])
         outside = random_points_outside(silhouettes(state).cpu(), generator)[:, 1].to(values)
         values[:, 2:4] = torch.where(both[:, None], values[:, 2:4], outside)
         drawn.append(values.clamp(-limits, limits))
