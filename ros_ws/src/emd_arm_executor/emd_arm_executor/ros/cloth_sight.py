@@ -30,7 +30,7 @@ class ClothSight:
         self._config = config
         self._points: PointCloud2 | None = None
         self._grids: deque[VoxelGridMsg] = deque(maxlen=_GRIDS)
-        node.create_subscription(VoxelGridMsg, "perception/voxel_grid", self._grids.append, 5)
+        node.create_subscription(VoxelGridMsg, "perception/voxel_grid", self._on_grid, 5)
         node.create_subscription(PointCloud2, "perception/points", self._on_points, 5)
         self._capture = node.create_client(
             CaptureState, "perception/capture_state", callback_group=callback_group
@@ -38,6 +38,9 @@ class ClothSight:
 
     def _on_points(self, message: PointCloud2) -> None:
         self._points = message
+
+    def _on_grid(self, message: VoxelGridMsg) -> None:
+        self._grids.append(message)
 
     def latest(self) -> Silhouette:
         """Give the cloth as it was seen last.
