@@ -19,9 +19,9 @@ class Image:
         self.header.stamp.sec = seconds
 
 
-def pair(seconds: int) -> FramePair:
+def pair(seconds: int, calibration: object | None = "calibration") -> FramePair:
     """Colour and depth of one second."""
-    return FramePair(Image(seconds), Image(seconds))
+    return FramePair(Image(seconds), Image(seconds), calibration)
 
 
 def test_only_the_newest_pair_waits() -> None:
@@ -35,15 +35,17 @@ def test_only_the_newest_pair_waits() -> None:
     assert buffer.take(0.0) is None
 
 
-def collect_while_adding(count: int, since: float, stamps: range) -> list[FramePair]:
+def collect_while_adding(
+    count: int, since: float, stamps: range, calibrated_from: int = 0, timeout: float = 20.0
+) -> list[FramePair]:
     """Ask for pairs in a thread, and let them come once it listens."""
     buffer, found = FrameBuffer(), list[FramePair]()
-    thread = threading.Thread(target=lambda: found.extend(buffer.collect(count, since, 20.0)))
+    thread = threading.Thread(target=lambda: found.extend(buffer.collect(count, since, timeout)))
     thread.start()
     while not buffer.collecting:
         pass
     for second in stamps:
-        buffer.add(pair(second))
+        buffer.add(pair(second, "calibration" if second >= calibrated_from else None))
     thread.join(20.0)
     assert not buffer.collecting
     return found
@@ -52,6 +54,14 @@ def collect_while_adding(count: int, since: float, stamps: range) -> list[FrameP
 def test_a_capture_gets_pairs_from_its_time_on() -> None:
     """Those taken before it was asked are not among them."""
     assert [one.stamp for one in collect_while_adding(3, 4.5, range(1, 8))] == [5.0, 6.0, 7.0]
+
+
+def test_a_capture_waits_for_the_calibration() -> None:
+    """Pairs that come before it are left out, unless none comes in time."""
+    found = collect_while_adding(2, 0.0, range(5), calibrated_from=3)
+    assert [one.stamp for one in found] == [3.0, 4.0]
+    found = collect_while_adding(2, 0.0, range(5), calibrated_from=9, timeout=0.2)
+    assert [one.stamp for one in found] == [0.0, 1.0]
 
 
 def test_a_capture_that_waits_in_vain_says_how_many_came() -> None:

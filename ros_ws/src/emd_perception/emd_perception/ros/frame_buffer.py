@@ -17,6 +17,7 @@ class FrameBuffer:
         self._condition = threading.Condition()
         self._newest: FramePair | None = None
         self._collected: list[FramePair] | None = None
+        self._uncalibrated: list[FramePair] = []
         self._since = 0.0
         self.dropped = 0
 
@@ -31,7 +32,8 @@ class FrameBuffer:
             self.dropped += self._newest is not None
             self._newest = pair
             if self._collected is not None and pair.stamp >= self._since:
-                self._collected.append(pair)
+                fitting = self._uncalibrated if pair.info is None else self._collected
+                fitting.append(pair)
             self._condition.notify_all()
 
     def take(self, timeout: float) -> FramePair | None:
@@ -44,6 +46,9 @@ class FrameBuffer:
     def collect(self, count: int, since: float, timeout: float) -> list[FramePair]:
         """Wait for pairs taken at or after a time.
 
+        At the start of a cell a calibration may come later than the first images. Pairs without
+        one are given only if no others have come when time is up.
+
         Args:
             count: How many pairs.
             since: Earliest stamp, seconds of the frames' clock.
@@ -54,10 +59,12 @@ class FrameBuffer:
         """
         deadline = time.monotonic() + timeout
         with self._condition:
-            self._collected, self._since = [], since
+            self._collected, self._uncalibrated, self._since = [], [], since
             try:
                 while len(self._collected) < count:
                     if not self._condition.wait(timeout=deadline - time.monotonic()):
+                        if self._uncalibrated and not self._collected:
+                            return self._uncalibrated[:count]
                         raise DeadlineError(
                             f"{count} frames of colour and depth were wanted within {timeout:.1f}"
                             f" s, {len(self._collected)} came; is the camera on, and do its "
