@@ -223,7 +223,7 @@ class PlanningProblem:
                 generator,
                 self._limits,
                 config.threshold,
-                outline_folds(silhouettes(self._graspable)) if config.outline_folds else None,
+                self._outline_folds() if config.outline_folds else None,
             )
         values = random_values(
             count if guessed is None else count - guesses,
@@ -247,6 +247,20 @@ class PlanningProblem:
         single = torch.cat([with_one_hand(values, hand, silhouette, generator) for hand in (0, 1)])
         costs = torch.cat([costs, self._cost.total(self._predict(single), single)])
         return _cheapest(torch.cat([values, single]), costs, config.restarts)
+
+    def _outline_folds(self) -> Tensor:
+        """Folds along the cloth's outline, within reach if hands must keep there, (F, 6)."""
+        silhouette = silhouettes(self._graspable)
+        folds = outline_folds(silhouette).to(self._device)
+        reach = self._cost.reach
+        if not self._config.keep_in_reach or reach is None or not len(folds):
+            return folds
+        hands = folds[:, :4].unflatten(1, (2, 2)).isfinite().all(2)
+        moved = [
+            into_reach(fold.nan_to_num(), used, reach, silhouette)
+            for fold, used in zip(folds, hands, strict=True)
+        ]
+        return torch.where(folds.isnan(), torch.nan, torch.stack(moved))
 
     def _predict(self, values: Tensor) -> Tensor:
         """Predict states (A, n, X, Y, Z), those before the last without gradients."""
