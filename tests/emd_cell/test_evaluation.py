@@ -241,7 +241,8 @@ def test_executed_plans_are_kept_as_training_data(tasks: list[Task], tmp_path: P
         assert (len(sequence), sequence.index) == (task.steps, number)
         wanted = [m.to_network(task.field_of_view)[4:] for m in task.recorded]
         np.testing.assert_allclose(sequence.moves, wanted, atol=1e-5)
-        before = np.packbits(task.grid(task.start).occupancy)
+        start = Cloth.from_positions(task.start, TOWEL.cloth).positions_in_table
+        before = np.packbits(task.grid(start).occupancy)
         assert np.array_equal(sequence.packed_grids[0], before)
         goal = task.grid(task.goal).occupancy
         after = np.unpackbits(sequence.packed_grids[-1]).reshape(goal.shape)
