@@ -20,6 +20,7 @@ from emd_arm_executor.ros.cloth_sight import ClothSight
 from emd_arm_executor.silhouette import Silhouette
 from emd_core.errors import ErrorCode, NoObservationError
 from emd_core.ros import conversions
+from emd_core.voxel_grid import voxelise
 from emd_msgs_py.srv import CaptureState
 
 HEADER = Header(frame_id=conversions.TABLE_FRAME)
@@ -83,6 +84,7 @@ def square(_: CaptureState.Request, response: CaptureState.Response) -> CaptureS
     x, y = np.meshgrid(axis, axis)
     points = np.stack([x.ravel(), y.ravel(), np.full(x.size, 0.003)], axis=1)
     response.points = conversions.points_to_message(points, HEADER)
+    response.voxel_grid = conversions.voxel_grid_to_message(voxelise(points), HEADER)
     return response
 
 
