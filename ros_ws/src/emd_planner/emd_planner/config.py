@@ -195,7 +195,7 @@ class TrainingConfig:
         average_decay: Decay of the moving average of the weights, which is what is validated and
             exported; 0 exports the weights themselves.
         bfloat16: Compute layers in bfloat16 where the device has instructions for its products;
-            elsewhere it is ten times slower than float32.
+            elsewhere it is much slower than float32.
         validation_share: Part of the sequences held out.
         validate_every: Seconds between validations.
         checkpoint_every: Seconds between checkpoints.

@@ -18,7 +18,6 @@ from emd_core.sequence_shard import SequenceShard
 
 def as_shard(
     task: Task,
-    number: int,
     states: Sequence[FloatArray],
     done: Sequence[Manipulation],
     preset: ClothPreset,
@@ -26,8 +25,7 @@ def as_shard(
     """Make a data set's file of one executed plan.
 
     Args:
-        task: What was planned for.
-        number: Of the task among all, which decides the split that the sequence belongs to.
+        task: What was planned for; the new sequence belongs to the split of this one's.
         states: Mid-surfaces before, between and after, each (V, 3), metres, n + 1 of them.
         done: The n manipulations that were executed, at least 1.
         preset: The cloth that executed them.
@@ -39,6 +37,6 @@ def as_shard(
         "states": np.array([[normalise(state) for state in states]], dtype=np.float16),
         "picks": np.array([[normalise(m.grasp_points_in_table) for m in done]], np.float32),
         "moves": np.array([[normalise(m.displacement_in_table) for m in done]], np.float32),
-        "indices": np.array([number], dtype=np.int64),
+        "indices": np.array([task.sequence], dtype=np.int64),
     }
     return SequenceShard(arrays, (), {"cloth": asdict(preset.cloth), "task": task.name})

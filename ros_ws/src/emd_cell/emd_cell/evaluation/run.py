@@ -138,15 +138,13 @@ def final_state(evaluation: Evaluation, record: Record) -> FloatArray:
 
 
 def _perform_all(evaluation: Evaluation, jobs: list[Job], workers: int) -> Iterator[Record]:
-    numbers = {task.name: number for number, task in enumerate(evaluation.tasks)}
-    numbered = [(numbers[job[0].name], job) for job in jobs]
     worker = _Worker(replace(evaluation, tasks=[]))
     if workers == 1:
-        yield from map(worker, numbered)
+        yield from map(worker, jobs)
         return
     # A spawned worker loads the kernels itself; forking after numba has started is not safe.
     with multiprocessing.get_context("spawn").Pool(workers, _start, (worker,)) as pool:
-        yield from pool.imap_unordered(_work, numbered)
+        yield from pool.imap_unordered(_work, jobs)
 
 
 class _Worker:
@@ -156,15 +154,15 @@ class _Worker:
         self._evaluation = evaluation
         self._rivals: dict[str, Rival] = {}
 
-    def __call__(self, numbered: tuple[int, Job]) -> Record:
-        number, (task, name, mode) = numbered
+    def __call__(self, job: Job) -> Record:
+        task, name, mode = job
         about = self._evaluation
         if not self._rivals:
             self._rivals = make_rivals(about.planners, about.weights, about.reach)
         rival = self._rivals[name]
         done = perform(task, name, rival, mode, about.preset, about.seed, about.reach)
         if about.keep is not None and done.manipulations:
-            shard = as_shard(task, number, done.states, done.manipulations, about.preset)
+            shard = as_shard(task, done.states, done.manipulations, about.preset)
             shard.write(about.keep / f"shard_{task.name}_{name}.npz")
         return done.record
 
@@ -180,5 +178,5 @@ def _start(worker: _Worker) -> None:
     _worker = worker
 
 
-def _work(numbered: tuple[int, Job]) -> Record:
-    return _worker(numbered)
+def _work(job: Job) -> Record:
+    return _worker(job)

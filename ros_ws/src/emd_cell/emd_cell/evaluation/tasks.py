@@ -34,6 +34,7 @@ class Task:
         recorded: Manipulations that made the goal.
         surface_height: How far what a camera sees lies above the mid-surface, metres.
         field_of_view: The box that grids cover.
+        sequence: Index of its sequence in the data set, by which splits go; 0: of none.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Task:
     recorded: tuple[Manipulation, ...]
     surface_height: float
     field_of_view: FieldOfView
+    sequence: int = 0
 
     @property
     def steps(self) -> int:
@@ -168,4 +170,5 @@ def _parts(
                 tuple(manipulations[first : first + count]),
                 height,
                 fov,
+                sequence.index,
             )
