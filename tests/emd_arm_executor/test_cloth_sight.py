@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 import rclpy
-from domain_coordinator import domain_id
+from own_domain import own_domain
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -70,7 +70,7 @@ class Graph:
 def graph() -> Iterator[Graph]:
     """A graph in a domain of its own."""
     context = Context()
-    with domain_id() as number:
+    with own_domain() as number:
         rclpy.init(context=context, domain_id=number)
         made = Graph(context)
         yield made

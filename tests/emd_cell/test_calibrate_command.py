@@ -10,7 +10,7 @@ import pytest
 import rclpy
 from bag_files import TOPICS, header_at, recorded, write_bag
 from board_scenes import BoardScene, render_board
-from domain_coordinator import domain_id
+from own_domain import own_domain
 from rclpy.qos import QoSProfile
 from rich.console import Console
 from sensor_msgs.msg import CameraInfo, Image
@@ -91,7 +91,7 @@ def _with_times(one: dict) -> list[tuple]:
 def test_a_running_camera_gives_the_pose(scene, tmp_path) -> None:
     """The command listens to the camera's topics until it has its frames."""
     out = tmp_path / "camera.yaml"
-    with domain_id() as number:
+    with own_domain() as number:
         place = [str(PLACE.x), str(PLACE.y), str(np.degrees(PLACE.yaw))]
         command = [sys.executable, "-m", "emd_cell.cli", "calibrate", "--live", "--frames", "2"]
         process = subprocess.Popen(
@@ -131,7 +131,7 @@ def _publish_until_done(scene: BoardScene, process: subprocess.Popen) -> None:
 @pytest.mark.system
 def test_a_silent_camera_is_told(monkeypatch) -> None:
     """What is missing, after the time allowed."""
-    with domain_id() as number:
+    with own_domain() as number:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
         with pytest.raises(DeadlineError, match="2 frames were wanted.*no colour"):
             live_frames(2, InputConfig(), 1.5, lambda count: None)

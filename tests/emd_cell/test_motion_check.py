@@ -135,14 +135,14 @@ def test_a_cancelled_motion_brings_the_torso_home(robot: RobotModel) -> None:
     assert [end[name] for name in names] == pytest.approx([rest[n] for n in names], abs=1e-5)
 
 
-def test_a_campaign_goes_on_where_it_ended(robot: RobotModel, tmp_path: Path) -> None:
+def test_a_campaign_goes_on_where_it_ended(tmp_path: Path) -> None:
     """After an interruption it plans only the rest; a journal of other sources is refused."""
-    journal = tmp_path / "journal.jsonl"
+    robot, journal = hiro_description(), tmp_path / "journal.jsonl"
     whole = Campaign(3, 4, "same")
     run_campaign(robot, whole, journal, until=lambda: True)
     assert len(journal.read_text().splitlines()) == 2
     done: list[int] = []
-    records = run_campaign(robot, whole, journal, done.append)
+    records = run_campaign(robot, whole, journal, done.append, workers=2)
     assert done == [2, 3] and [record["index"] for record in records] == [0, 1, 2]
     summary = summarise(records)
     assert summary["carried_out"] + summary["refused"] == 3 and summary["refused_and_moved"] == 0

@@ -20,7 +20,7 @@ from bag_files import (
     recorded,
     write_bag,
 )
-from domain_coordinator import domain_id
+from own_domain import own_domain
 from perception_scenes import Scene
 
 from emd_core.metrics import voxel_mse
@@ -69,7 +69,7 @@ def bag(messages, tmp_path_factory) -> Path:
 
 def replay(bag: Path, out: Path, *options: str) -> dict:
     """Call the command; gives its summary."""
-    with domain_id() as number:
+    with own_domain() as number:
         done = subprocess.run(
             [
                 sys.executable,

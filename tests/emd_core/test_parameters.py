@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import pytest
 import rclpy
-from domain_coordinator import domain_id
+from own_domain import own_domain
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -52,7 +52,7 @@ class Settings:
 @pytest.fixture
 def node() -> Iterator[Node]:
     """A node in a domain of its own."""
-    with domain_id() as number:
+    with own_domain() as number:
         rclpy.init(domain_id=number)
         made = rclpy.create_node("settings")
         yield made
@@ -139,7 +139,7 @@ def test_parameters_of_others_are_none_of_its_business(node) -> None:
 
 def test_a_start_out_of_range_is_refused_by_name() -> None:
     """The node does not start with what it would not take later."""
-    with domain_id() as number:
+    with own_domain() as number:
         rclpy.init(domain_id=number)
         node = rclpy.create_node("settings", parameter_overrides=[Parameter("my.count", value=9)])
         try:

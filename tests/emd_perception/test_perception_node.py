@@ -9,8 +9,8 @@ import cv2
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from domain_coordinator import domain_id
 from geometry_msgs.msg import PoseStamped
+from own_domain import own_domain
 from perception_scenes import Scene
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -116,7 +116,7 @@ def arguments(request) -> list[str]:
 @pytest.fixture
 def bench(flat_scene, arguments) -> Iterator[Bench]:
     """A node in a domain of its own, spun by the test."""
-    with domain_id() as number:
+    with own_domain() as number:
         rclpy.init(args=["--ros-args", *arguments], domain_id=number)
         node, camera = PerceptionNode(), rclpy.create_node("camera")
         executor = SingleThreadedExecutor()

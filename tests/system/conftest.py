@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 import rclpy
-from domain_coordinator import domain_id
+from own_domain import own_domain
 
 from emd_cell.launcher import Launcher
 from emd_cell.nodes import cell_nodes
@@ -16,7 +16,7 @@ from emd_cell.ros.cell_client import CellClient
 @pytest.fixture(scope="session", autouse=True)
 def ros_domain() -> Iterator[int]:
     """No test hears another cell on this machine."""
-    with domain_id() as number:
+    with own_domain() as number:
         os.environ["ROS_DOMAIN_ID"] = str(number)
         yield number
 

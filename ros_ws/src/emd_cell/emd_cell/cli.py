@@ -20,6 +20,8 @@ from emd_cell.commands import learning  # noqa: F401
 from emd_cell.commands import judging  # noqa: F401
 # isort: on
 
+_NO_TESTS = 5  # pytest's status where none is chosen
+
 
 @app.command()
 def setup() -> None:
@@ -39,20 +41,25 @@ def test(
         list[str] | None, typer.Argument(help="passed to pytest, after --")
     ] = None,
 ) -> None:
-    """Run ruff, mypy and all tests."""
+    """Run ruff, mypy and all tests: those without nodes on all cores, then those with."""
     sources = ["ros_ws/src", "tests", "cell"]
     packages = sorted(str(path.parent) for path in ROOT.glob("ros_ws/src/*/*/py.typed"))
+    fast, arguments = ("" if slow else " and not slow"), pytest_arguments or []
+    parallel = ["-n", "auto", "--dist", "loadfile"]  # a file's tests share what they prepare
     commands = [
         ["ruff", "check", *sources],
         ["ruff", "format", "--check", *sources],
         ["mypy", *packages],
-        ["pytest", *([] if slow else ["-m", "not slow"]), *(pytest_arguments or [])],
+        ["pytest", *parallel, "-m", f"not system{fast}", *arguments],
+        ["pytest", "-m", f"system{fast}", *arguments],
     ]
-    failed = [
-        command[0]
+    ended = [
+        (command[0], subprocess.run([sys.executable, "-m", *command], cwd=ROOT).returncode)
         for command in commands
-        if subprocess.run([sys.executable, "-m", *command], cwd=ROOT).returncode != 0
     ]
+    if ("pytest", 0) in ended:  # the arguments may choose tests of one kind only
+        ended = [end for end in ended if end != ("pytest", _NO_TESTS)]
+    failed = [name for name, status in ended if status != 0]
     if failed:
         print(f"cell test: failed: {', '.join(failed)}", file=sys.stderr)
         raise typer.Exit(1)

@@ -177,6 +177,7 @@ def check_motion(
     ),
     robot: Annotated[Path | None, typer.Option(help="a robot's YAML; HIRO if none")] = None,
     minutes: Annotated[float, typer.Option(min=0.0, help="stop after these; 0: never")] = 0.0,
+    workers: Annotated[int | None, typer.Option(min=1, help="default: all cores")] = None,
 ) -> None:
     """Plan random manipulations and audit every motion: limits, collisions, straightness.
 
@@ -184,7 +185,8 @@ def check_motion(
     """
     from emd_cell.motion_check.command import check_motion as check
 
-    report = check(plans, seed, folder, robot, minutes, sys.argv[2:], console)
+    count = workers or len(os.sched_getaffinity(0))
+    report = check(plans, seed, folder, robot, minutes, count, sys.argv[2:], console)
     print(json.dumps(report["summary"], indent=1))
 
 

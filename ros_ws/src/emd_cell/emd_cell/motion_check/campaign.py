@@ -1,11 +1,14 @@
-"""Plans random tasks one after the other, carries them out, audits them, and can go on later."""
+"""Plans random tasks, carries them out and audits them, on all cores, and can go on later."""
 
 from __future__ import annotations
 
+import multiprocessing
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +18,7 @@ from emd_arm_executor.executor import MotionExecutor
 from emd_arm_executor.mock_robot import MockRobot
 from emd_arm_executor.motion_plan import MotionPlan
 from emd_arm_executor.motion_planner import MotionPlanner
+from emd_arm_executor.robot_description import RobotDescription
 from emd_arm_executor.robot_model import RobotModel
 from emd_cell.journal import Journal
 from emd_cell.motion_check.audit import audit_motion
@@ -43,20 +47,22 @@ class Campaign:
 
 
 def run_campaign(
-    robot: RobotModel,
+    description: RobotDescription,
     campaign: Campaign,
     journal: Path,
     on_progress: Callable[[int], None] | None = None,
     until: Callable[[], bool] | None = None,
+    workers: int = 1,
 ) -> list[dict[str, Any]]:
     """Plan, carry out and audit tasks; go on where the journal ends.
 
     Args:
-        robot: The robot, its torso at rest.
+        description: The robot.
         campaign: Which tasks.
         journal: One JSON line for the campaign, then one for each task.
         on_progress: Called with the number of tasks done.
         until: Asked after each task; True ends the run early, the journal stays.
+        workers: Processes, one core each; the records are the same and in the same order.
 
     Returns:
         The records of all tasks done so far.
@@ -65,14 +71,51 @@ def run_campaign(
         InvalidInputError: If the journal is another campaign's.
     """
     kept = Journal(journal, {"seed": campaign.seed, "identity": campaign.identity})
-    planner = MotionPlanner(robot)
-    for index in range(len(kept.records), campaign.count):
-        kept.append(check_task(robot, planner, random_task(campaign.seed, index), index))
-        if on_progress is not None:
-            on_progress(len(kept.records))
-        if until is not None and until():
-            break
+    indices = range(len(kept.records), campaign.count)
+    with closing(_check_all(description, campaign.seed, indices, workers)) as records:
+        for record in records:
+            kept.append(record)
+            if on_progress is not None:
+                on_progress(len(kept.records))
+            if until is not None and until():
+                break
     return kept.records[: campaign.count]
+
+
+def _check_all(
+    description: RobotDescription, seed: int, indices: range, workers: int
+) -> Iterator[dict[str, Any]]:
+    if workers == 1:
+        yield from map(_Checker(description, seed), indices)
+        return
+    start = partial(_start, description, seed)
+    with multiprocessing.get_context("spawn").Pool(workers, start) as pool:
+        yield from pool.imap(_check, indices)
+
+
+class _Checker:
+    """Checks tasks by their indices."""
+
+    def __init__(self, description: RobotDescription, seed: int) -> None:
+        self._robot = RobotModel(description)
+        self._planner = MotionPlanner(self._robot)
+        self._seed = seed
+
+    def __call__(self, index: int) -> dict[str, Any]:
+        return check_task(self._robot, self._planner, random_task(self._seed, index), index)
+
+
+_checker: _Checker
+
+
+def _start(description: RobotDescription, seed: int) -> None:
+    """Make the checker of a worker process."""
+    global _checker
+    _checker = _Checker(description, seed)
+
+
+def _check(index: int) -> dict[str, Any]:
+    return _checker(index)
 
 
 def check_task(

@@ -14,7 +14,6 @@ from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 
 import emd_arm_executor
 from emd_arm_executor.robot_description import hiro_description, load_description
-from emd_arm_executor.robot_model import RobotModel
 from emd_cell.bench import machine
 from emd_cell.motion_check.campaign import Campaign, run_campaign, summarise
 from emd_cloth_sim.json_file import write_json
@@ -26,6 +25,7 @@ def check_motion(
     folder: Path,
     robot_file: Path | None,
     minutes: float,
+    workers: int,
     arguments: Sequence[str],
     console: Console,
 ) -> dict[str, Any]:
@@ -36,18 +36,18 @@ def check_motion(
             unusable.
     """
     description = hiro_description() if robot_file is None else load_description(robot_file)
-    robot = RobotModel(description)
     campaign = Campaign(campaign_count, seed, identity(robot_file))
     deadline = time.monotonic() + 60.0 * minutes
     columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console) as progress:
         bar = progress.add_task("manipulations", total=campaign.count)
         records = run_campaign(
-            robot,
+            description,
             campaign,
             folder / "journal.jsonl",
             lambda done: progress.update(bar, completed=done),
             (lambda: time.monotonic() > deadline) if minutes > 0.0 else None,
+            workers,
         )
     report: dict[str, Any] = {
         "command": shlex.join(["./cell", "check-motion", *arguments]),

@@ -87,10 +87,13 @@ class ReplayClient(Node):
         """
         deadline = time.monotonic() + timeout
         publishers = self._publishers_by_kind.values()
-        while any(publisher.get_subscription_count() == 0 for publisher in publishers):
+        while unheard := [p.topic_name for p in publishers if p.get_subscription_count() == 0]:
             check()
             if time.monotonic() > deadline:
-                raise DeadlineError(f"the perception node did not appear within {timeout:.0f} s")
+                raise DeadlineError(
+                    f"the perception node did not appear within {timeout:.0f} s: nobody listens to "
+                    f"{', '.join(unheard)}; start the replay again"
+                )
             self._spinner.spin_once(timeout_sec=0.05)
         # That side may know of its readers a little later than this one knows of them.
         settled = time.monotonic() + 1.0
