@@ -69,7 +69,7 @@ class SimulationConfig:
     noise: bool = True
     real_time_factor: float = 1.0
     step: float = 1.0 / 60.0
-    camera_rate: float = 10.0
+    camera_rate: float = 12.0
     truth_rate: float = 5.0
     overview: OverviewConfig = field(default_factory=OverviewConfig)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shlex
 import sys
 from pathlib import Path
@@ -82,8 +83,6 @@ def evaluate(
     ] = None,
 ) -> None:
     """Let planners fold in the cloth simulation and compare the outcomes; docs/evaluation.md."""
-    import os
-
     from emd_cell.evaluation.command import evaluate_planners
     from emd_cell.evaluation.rivals import REACHES
     from emd_cell.evaluation.run import Evaluation

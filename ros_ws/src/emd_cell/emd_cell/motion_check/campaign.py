@@ -5,7 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
@@ -84,7 +84,7 @@ def run_campaign(
 
 def _check_all(
     description: RobotDescription, seed: int, indices: range, workers: int
-) -> Iterator[dict[str, Any]]:
+) -> Generator[dict[str, Any]]:
     if workers == 1:
         yield from map(_Checker(description, seed), indices)
         return

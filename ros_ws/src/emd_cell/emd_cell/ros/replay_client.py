@@ -91,8 +91,8 @@ class ReplayClient(Node):
             check()
             if time.monotonic() > deadline:
                 raise DeadlineError(
-                    f"the perception node did not appear within {timeout:.0f} s: nobody listens to "
-                    f"{', '.join(unheard)}; start the replay again"
+                    f"the perception node did not appear within {timeout:.0f} s: nobody listens "
+                    f"to {', '.join(unheard)}; start the replay again"
                 )
             self._spinner.spin_once(timeout_sec=0.05)
         # That side may know of its readers a little later than this one knows of them.
