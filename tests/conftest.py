@@ -10,6 +10,12 @@ settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile once before workers start, rather than in each of them at the same time."""
+    if not hasattr(config, "workerinput"):
+        prepare_kernels()
+
+
 @pytest.fixture(scope="session", autouse=True)
 def kernels() -> None:
     """Every process loads the same compiled cloth, so that results agree to the bit."""
