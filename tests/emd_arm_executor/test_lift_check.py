@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from emd_arm_executor.config import SightConfig
 from emd_arm_executor.grasp import GraspPose
 from emd_arm_executor.hem import Hem
-from emd_arm_executor.lift_check import changed_share, unmoved_arms
+from emd_arm_executor.lift_check import changed_share, hem_moved
 from emd_arm_executor.observed_silhouette import silhouette_from_points
 from emd_arm_executor.silhouette import Silhouette
 from emd_core.frames import FloatArray
@@ -73,10 +74,24 @@ def grasp_at(place: FloatArray) -> GraspPose:
 
 
 def test_each_hand_is_judged_at_its_own_hem() -> None:
-    """Where one corner was folded and the other left, the other hand is named."""
+    """Where one corner was folded and the other left, each is told."""
     grasps = {"left": grasp_at(np.array([-0.2, 0.2])), "right": grasp_at(CORNER)}
     after = seen(folded(sheet(), CORNER, 0.2), 1)
-    assert unmoved_arms(grasps, seen(sheet(), 0), after) == ["left"]
+    assert hem_moved(grasps, seen(sheet(), 0), after) == {"left": False, "right": True}
+
+
+@pytest.mark.parametrize("when", ["before", "after"])
+def test_a_hem_that_something_hides_is_not_judged(when: str) -> None:
+    """Whether cloth is gone or only out of sight is not known; what little is hidden is left out."""
+    cloth = seen(sheet(), 0)
+    grasps = {"left": grasp_at(HEM)}
+    for radius, judged in ((0.03, {}), (0.005, {"left": False})):
+        x, y = np.indices(cloth.mask.shape)
+        centres = cloth.origin_in_table + (np.stack([x, y], -1) + 0.5) * cloth.resolution
+        unknown = np.linalg.norm(centres - HEM, axis=-1) < radius
+        hidden = replace(cloth, mask=cloth.mask & ~unknown, unknown=unknown)
+        pair = (hidden, cloth) if when == "before" else (cloth, hidden)
+        assert hem_moved(grasps, *pair) == judged
 
 
 def test_cloth_that_is_gone_has_moved(towel: Callable[..., Silhouette]) -> None:

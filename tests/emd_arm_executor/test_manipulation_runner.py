@@ -14,7 +14,7 @@ from emd_arm_executor.motion_plan import MotionPlan, PhaseName
 from emd_arm_executor.motion_planner import MotionPlanner
 from emd_arm_executor.robot_model import RobotModel
 from emd_arm_executor.silhouette import Silhouette
-from emd_core.errors import GraspFailedError
+from emd_core.errors import CollisionError, GraspFailedError
 from emd_core.manipulation import Manipulation
 
 
@@ -149,6 +149,41 @@ def test_the_shortest_ways_are_not_judged(
     done = runner.run(short, towel(), RunCallbacks(on_plan=plans.append))
     assert (len(plans), camera.looks) == (1, 1)
     assert all(np.linalg.norm(way) < 0.02 for way in done.displacements_in_table.values())
+
+
+def test_a_way_along_the_hem_is_not_judged(
+    planner: MotionPlanner,
+    robot: RobotModel,
+    jaws: EmptyJaws,
+    towel: Callable[..., Silhouette],
+    task: Callable[..., Manipulation],
+) -> None:
+    """A straight hem that slides along itself looks as it looked before."""
+    jaws.misses, camera, plans = 0, Camera(towel()), []
+    runner = ManipulationRunner(planner, MotionExecutor(jaws, robot), camera.look)
+    along = task([[0.2, -0.05]], [0.0, 0.1])
+    done = runner.run(along, towel(), RunCallbacks(on_plan=plans.append))
+    assert (len(plans), camera.looks) == (1, 1)
+    assert all(np.linalg.norm(way) > 0.05 for way in done.displacements_in_table.values())
+
+
+def test_a_way_home_that_is_blocked_is_no_refusal(
+    planner: MotionPlanner,
+    robot: RobotModel,
+    jaws: EmptyJaws,
+    towel: Callable[..., Silhouette],
+    task: Callable[..., Manipulation],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """COLLISION says that nothing has moved; after a failed grasp something has."""
+
+    def blocked(*arguments: object, **options: object) -> MotionPlan:
+        raise CollisionError("a chair stands there")
+
+    monkeypatch.setattr(planner, "plan_home", blocked)
+    runner = ManipulationRunner(planner, MotionExecutor(jaws, robot))
+    with pytest.raises(GraspFailedError, match="closed on nothing.*no way home: a chair"):
+        runner.run(task([[0.16, -0.16]], [-0.1, 0.1]), towel())
 
 
 def test_a_moved_cloth_is_not_grasped_again(

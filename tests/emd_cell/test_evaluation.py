@@ -236,9 +236,10 @@ def test_executed_plans_are_kept_as_training_data(tasks: list[Task], tmp_path: P
     oracle = make_rivals(("oracle",), None, None)["oracle"]
     reader = SequenceReader([folder])
     kept = {file.path.stem: sequence for file, sequence in zip(reader.files, reader, strict=True)}
-    assert set(kept) == {f"shard_{task.name}_oracle" for task in tasks[3:6]}
+    run = evaluation.identity[:8]
+    assert set(kept) == {f"shard_{run}_{task.name}_oracle" for task in tasks[3:6]}
     for task in tasks[3:6]:
-        sequence = kept[f"shard_{task.name}_oracle"]
+        sequence = kept[f"shard_{run}_{task.name}_oracle"]
         assert (len(sequence), sequence.index) == (task.steps, task.sequence)
         wanted = [m.to_network(task.field_of_view)[4:] for m in task.recorded]
         np.testing.assert_allclose(sequence.moves, wanted, atol=1e-5)
@@ -247,6 +248,10 @@ def test_executed_plans_are_kept_as_training_data(tasks: list[Task], tmp_path: P
         assert np.array_equal(sequence.packed_grids[0], before)
         outcome = perform(task, "oracle", oracle, "replan", TOWEL, 0).outcome
         assert np.array_equal(sequence.packed_grids[-1], np.packbits(task.grid(outcome).occupancy))
+    with pytest.raises(InvalidInputError, match="another place"):  # some would be missing
+        evaluate(replace(evaluation, keep=tmp_path / "later"), tmp_path / "journal.jsonl")
+    with pytest.raises(InvalidInputError, match="folder for executed plans"):
+        evaluate(replace(evaluation, keep=tmp_path / "journal.jsonl"), tmp_path / "other.jsonl")
 
 
 def test_unknown_names_are_refused(tasks: list[Task]) -> None:

@@ -26,6 +26,17 @@ def test_mse_of_binary_grids_is_the_share_of_differing_voxels() -> None:
     assert voxel_mse(a, b) == voxel_mse(b, a)
 
 
+def test_what_was_hidden_in_the_goal_does_not_count() -> None:
+    """Differences in columns whose wanted state nobody knows are left out."""
+    seen, goal = grid(1), grid(2)
+    unknown = np.zeros(goal.occupancy.shape[:2], dtype=bool)
+    unknown[:5] = True
+    partly = VoxelGrid(goal.occupancy, goal.field_of_view, unknown)
+    assert voxel_mse(seen, partly) == (seen.occupancy != goal.occupancy)[5:].mean()
+    hidden = VoxelGrid(goal.occupancy, goal.field_of_view, np.ones_like(unknown))
+    assert voxel_mse(seen, hidden) == 0.0
+
+
 def test_empty_grids_agree() -> None:
     """Two empty grids have IoU 1, an empty and a full one 0."""
     empty = VoxelGrid(np.zeros((32, 32, 16), dtype=bool))

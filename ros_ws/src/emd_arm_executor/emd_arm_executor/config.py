@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from emd_core.value_ranges import bounded, check_ranges
+
 
 @dataclass(frozen=True)
 class KinematicsConfig:
@@ -244,18 +246,26 @@ class SightConfig:
         frames: Depth frames that it fuses.
         timeout: Longest wait for its answer, seconds.
         radius: Distance from the hem within which the cloth must have changed, metres. A fold
-            bares more than that, as a hand grips 10 mm inside the hem. What is moved less is not
-            judged.
+            bares more than that, as a hand grips 10 mm inside the hem. What is moved less across
+            the hem is not judged.
         moved_share: Least share of that cloth, before and after together, that must have come or
             gone. A hem that is seen twice differs by less than 0.22 with 2 mm of noise, one pulled
             outwards by 20 mm by more than 0.31, a folded one by more than 0.84.
     """
 
     enabled: bool = True
-    frames: int = 3
-    timeout: float = 10.0
-    radius: float = 0.02
-    moved_share: float = 0.3
+    frames: int = bounded(3, 1, 100)
+    timeout: float = bounded(10.0, 0.1, 300.0)
+    radius: float = bounded(0.02, 0.005, 0.1)
+    moved_share: float = bounded(0.3, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        """Check the ranges.
+
+        Raises:
+            InvalidInputError: If a value is out of its range.
+        """
+        check_ranges(self)
 
 
 @dataclass(frozen=True)

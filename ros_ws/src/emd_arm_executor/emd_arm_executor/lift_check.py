@@ -15,33 +15,35 @@ from emd_core.frames import FloatArray
 _STEP = 0.001
 
 
-def unmoved_arms(
+def hem_moved(
     grasps: Mapping[str, GraspPose],
     before: Silhouette,
     after: Silhouette,
     config: SightConfig | None = None,
-) -> list[str]:
-    """Name the arms at whose hems the cloth lies as it lay before.
+) -> dict[str, bool]:
+    """Tell for each arm whether the cloth has moved at the hem that it gripped.
 
     Args:
         grasps: How each arm gripped.
         before: The cloth before the manipulation.
         after: The cloth when the arms have left it.
         config: How much must have changed.
+
+    Returns:
+        Nothing for an arm at whose hem too much is hidden, before or after.
     """
     config = config or SightConfig()
-    return [
-        arm
+    shares = {
+        arm: changed_share(before, after, grasp.hem.point_in_table, config.radius)
         for arm, grasp in grasps.items()
-        if changed_share(before, after, grasp.hem.point_in_table, config.radius)
-        < config.moved_share
-    ]
+    }
+    return {arm: share >= config.moved_share for arm, share in shares.items() if share is not None}
 
 
 def changed_share(
     before: Silhouette, after: Silhouette, point_in_table: FloatArray, radius: float
-) -> float:
-    """Compare two silhouettes around a point.
+) -> float | None:
+    """Compare two silhouettes around a point, where nothing hides either.
 
     A folded hem leaves the table bare, one that was pulled covers what was bare.
 
@@ -53,11 +55,14 @@ def changed_share(
 
     Returns:
         Of the area that is covered in one or both of them, the share that is covered in one only,
-        0..1; 0 if none is covered.
+        0..1; 0 if none is covered, None if half of the places or more are hidden.
     """
     axis = np.arange(-radius, radius + _STEP / 2, _STEP)
     offsets = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
     places = point_in_table + offsets[np.hypot(*offsets.T) <= radius]
-    first, second = before.covers(places), after.covers(places)
+    seen = ~(before.hides(places) | after.hides(places))
+    if 2 * np.count_nonzero(seen) <= len(places):
+        return None
+    first, second = before.covers(places[seen]), after.covers(places[seen])
     either = int(np.count_nonzero(first | second))
     return int(np.count_nonzero(first ^ second)) / max(either, 1)

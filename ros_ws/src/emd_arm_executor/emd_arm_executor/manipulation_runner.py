@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from emd_arm_executor.executor import ClothLostError, MotionExecutor, ShouldStop
-from emd_arm_executor.lift_check import unmoved_arms
+from emd_arm_executor.lift_check import hem_moved
 from emd_arm_executor.motion_plan import MotionPlan, PhaseName
 from emd_arm_executor.motion_planner import MotionPlanner
 from emd_arm_executor.silhouette import Silhouette
-from emd_core.errors import CellError, GraspFailedError
+from emd_core.errors import CellError, CollisionError, GraspFailedError
 from emd_core.frames import FloatArray
 from emd_core.independent_manipulation import HandsManipulation
 
@@ -131,8 +129,8 @@ class ManipulationRunner:
         """Carry out a plan; give the failure of a grasp that left the cloth where it was.
 
         Raises:
-            GraspFailedError: If a grasp failed but the cloth has moved, or it was lost on the way;
-                the arms are home.
+            GraspFailedError: If a grasp failed but the cloth has moved, or it was lost on the way,
+                the arms are home; or if they cannot go home after a failure.
         """
         callbacks.on_plan(plan)
         failure = None
@@ -144,27 +142,53 @@ class ManipulationRunner:
                 callbacks.should_pause,
             )
         except ClothLostError as err:
-            self.go_home(callbacks)
+            self._leave(err, callbacks)
             raise ClothLostError(f"{err}; both arms are home") from err
         except GraspFailedError as err:
             failure = err
-            self.go_home(callbacks)
+            self._leave(err, callbacks)
         seen = self._look()
         if seen is None:
             return failure
-        unmoved = unmoved_arms(plan.grasps, silhouette, seen, self.executor.config.sight)
-        failure = failure or self._seen_failure(plan, unmoved)
-        if failure is not None and len(unmoved) < len(plan.grasps):
+        moved = hem_moved(plan.grasps, silhouette, seen, self.executor.config.sight)
+        failure = failure or self._seen_failure(plan, moved)
+        if failure is not None and any(moved.values()):
             raise GraspFailedError(
                 f"{failure}; the cloth has moved all the same: look at it and plan anew; both "
                 "arms are home"
             ) from failure
         return failure
 
-    def _seen_failure(self, plan: MotionPlan, unmoved: Sequence[str]) -> GraspFailedError | None:
-        """Tell whether arms that carried something leave no change behind; short ways may."""
-        least, ways = self.executor.config.sight.radius, plan.displacements_in_table
-        empty = [arm for arm in unmoved if np.linalg.norm(ways[arm]) >= least]
+    def _leave(self, failure: GraspFailedError, callbacks: RunCallbacks) -> None:
+        """Go home after a failure.
+
+        Raises:
+            GraspFailedError: If every way home touches something. A collision would mean that the
+                arms have not moved.
+        """
+        try:
+            self.go_home(callbacks)
+        except CollisionError as blocked:
+            raise GraspFailedError(
+                f"{failure}; the arms stand where they were then, as they find no way home: "
+                f"{blocked}; make room, then call them home"
+            ) from blocked
+
+    def _seen_failure(
+        self, plan: MotionPlan, moved: Mapping[str, bool]
+    ) -> GraspFailedError | None:
+        """Tell whether arms that carried something leave no change behind.
+
+        Short ways may, and such along the hem, as a straight hem looks alike all along it.
+        """
+        least = self.executor.config.sight.radius
+        empty = [
+            arm
+            for arm, has_moved in moved.items()
+            if not has_moved
+            and abs(plan.displacements_in_table[arm] @ plan.grasps[arm].hem.outward_normal)
+            >= least
+        ]
         if not empty:
             return None
         return GraspFailedError(

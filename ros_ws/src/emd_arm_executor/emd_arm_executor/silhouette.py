@@ -95,11 +95,20 @@ class Silhouette:
 
     def covers(self, points_in_table: FloatArray) -> BoolArray:
         """Tell for points (N, 2), metres, whether there is cloth; False outside the raster."""
+        return self._at(self.mask, points_in_table)
+
+    def hides(self, points_in_table: FloatArray) -> BoolArray:
+        """Tell for points (N, 2), metres, what something hides; False outside the raster."""
+        if self.unknown is None:
+            return np.zeros(len(points_in_table), dtype=bool)
+        return self._at(self.unknown, points_in_table)
+
+    def _at(self, raster: BoolArray, points_in_table: FloatArray) -> BoolArray:
         index = np.floor((points_in_table - self.origin_in_table) / self.resolution).astype(int)
-        inside = ((index >= 0) & (index < self.mask.shape)).all(axis=1)
-        covered = np.zeros(len(index), dtype=bool)
-        covered[inside] = self.mask[tuple(index[inside].T)]
-        return covered
+        inside = ((index >= 0) & (index < raster.shape)).all(axis=1)
+        found = np.zeros(len(index), dtype=bool)
+        found[inside] = raster[tuple(index[inside].T)]
+        return found
 
     def height_near(self, point_in_table: ArrayLike, radius: float) -> float:
         """Give the greatest height of the cloth within `radius` of a point (2,), metres."""

@@ -100,6 +100,7 @@ class Example:
             "planned": self.planned.as_entry(),
             "executed": self.executed.as_entry(),
             "quality": [self.before.quality, self.after.quality],
+            "hidden_columns": [_hidden_columns(seen) for seen in (self.before, self.after)],
             **self.details,
         }
 
@@ -113,12 +114,18 @@ def thumbnail(picture: NDArray[np.uint8]) -> bytes:
     return stream.getvalue()
 
 
+def _hidden_columns(seen: Observation) -> int:
+    return 0 if seen.grid.unknown is None else int(seen.grid.unknown.sum())
+
+
 def _arrays(seen: Observation) -> dict[str, NDArray[Any]]:
     arrays: dict[str, NDArray[Any]] = {
         "mask": np.packbits(seen.mask > 0),
         "mask_shape": np.array(seen.mask.shape),
         "points": seen.points_in_table.astype(np.float32),
     }
+    if seen.grid.unknown is not None:
+        arrays["unknown"] = np.packbits(seen.grid.unknown)
     if seen.cloth_states is not None:
         arrays["cloth_states"] = seen.cloth_states.astype(np.float32)
     return arrays

@@ -14,7 +14,7 @@ import numpy as np
 
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FieldOfView, FloatArray
-from emd_core.manipulation import Manipulation, checked_directions
+from emd_core.manipulation import Manipulation, checked_directions, directions_entry
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,11 @@ class IndependentManipulation:
             *[(p.tolist(), d.tolist()) if used else (None, None) for used, p, d in rows],
             strict=True,
         )
-        return {"grasp_points": list(points), "displacements": list(moves)}
+        return {
+            "grasp_points": list(points),
+            "displacements": list(moves),
+            **directions_entry(self.grasp_directions_in_table),
+        }
 
     def normalised(self, field_of_view: FieldOfView) -> tuple[FloatArray, FloatArray]:
         """Give grasp points and displacements, both (2, 2), in normalised units."""

@@ -81,15 +81,8 @@ class Manipulation:
         return {
             "grasp_points": [point if is_used else None for point, is_used in used],
             "displacement": self.displacement_in_table.tolist(),
-            **self._directions_entry(),
+            **directions_entry(self.grasp_directions_in_table),
         }
-
-    def _directions_entry(self) -> dict[str, Any]:
-        """Nothing where the executor may choose both."""
-        if self.grasp_directions_in_table is None:
-            return {}
-        rows = self.grasp_directions_in_table.tolist()
-        return {"grasp_directions": [None if np.isnan(row).any() else row for row in rows]}
 
     def to_network(self, field_of_view: FieldOfView) -> FloatArray:
         """Give the six normalised values x0 y0 x1 y1 dx dy; an unused point stays NaN."""
@@ -105,6 +98,14 @@ class Manipulation:
         points = in_table[:4].reshape(2, 2).copy()
         points[~np.array(used)] = np.nan
         return cls(points, in_table[4:])
+
+
+def directions_entry(directions: FloatArray | None) -> dict[str, Any]:
+    """Give grasp directions (2, 2) as JSON holds them; nothing if the executor may choose both."""
+    if directions is None:
+        return {}
+    rows = directions.tolist()
+    return {"grasp_directions": [None if np.isnan(row).any() else row for row in rows]}
 
 
 def checked_directions(values: FloatArray) -> FloatArray:

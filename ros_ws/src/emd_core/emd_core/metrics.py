@@ -7,9 +7,16 @@ from emd_core.voxel_grid import VoxelGrid
 
 
 def voxel_mse(grid: VoxelGrid, goal: VoxelGrid) -> float:
-    """Mean squared difference of corresponding voxels, 0..1 (paper, eq. 1 and V-A)."""
+    """Mean squared difference of corresponding voxels, 0..1 (paper, eq. 1 and V-A).
+
+    Columns that something hid when the goal was seen are left out: what is wanted there is not
+    known. 0 if nothing is known.
+    """
     _check_same_size(grid, goal)
-    return float((grid.occupancy != goal.occupancy).mean())
+    wrong = grid.occupancy != goal.occupancy
+    if goal.unknown is not None:
+        wrong = wrong[~goal.unknown]
+    return float(wrong.mean()) if wrong.size else 0.0
 
 
 def voxel_iou(grid: VoxelGrid, goal: VoxelGrid) -> float:

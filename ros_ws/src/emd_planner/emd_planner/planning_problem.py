@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -44,7 +43,7 @@ class Candidate:
         values: Manipulations, normalised, shape (n, 6).
         used: Which hands grasp, boolean, shape (n, 2).
         states: After each manipulation, shape (n, X, Y, Z).
-        cost: What the search found it to cost.
+        cost: What it costs as the net itself predicts it.
         reach_excess: Metres by which points lie outside the arms' reach, summed.
     """
 
@@ -161,25 +160,24 @@ class PlanningProblem:
         before any is given, and come in the order of the costs they have then; the others follow
         as the search ordered them.
         """
-        costs = zip(found.values, found.costs, strict=True)
-        rows = iter([(values, float(cost)) for values, cost in costs if cost.isfinite()])
-        judged = islice(rows, self._config.judged)
-        best = [candidate for values, cost in judged for candidate in self._ways(values, cost)]
-        yield from sorted(best, key=lambda candidate: candidate.cost)
-        for values, cost in rows:
-            yield from self._ways(values, cost)
+        rows = (
+            values
+            for values, cost in zip(found.values, found.costs, strict=True)
+            if cost.isfinite()
+        )
+        adjusted = (self._best_way(values) for values in rows)
+        judged = [way for way in islice(adjusted, self._config.judged) if way is not None]
+        yield from sorted(judged, key=lambda candidate: candidate.cost)
+        yield from (way for way in adjusted if way is not None)
 
-    def _ways(self, values: Tensor, cost: float) -> Iterator[Candidate]:
+    def _best_way(self, values: Tensor) -> Candidate | None:
         """Adjust a sequence; where one of its first hands is beside the cloth, without it, too."""
-        options = [(values, cost)]
+        options = [values]
         if self._config.grasp_on_cloth:
             tolerance = self._config.grasp_tolerance_voxels
-            single = without_doubtful_hand(values, silhouettes(self._graspable), tolerance)
-            options += [(option, math.inf) for option in single]
-        for option, known in options:
-            candidate = self._candidate(option, known)
-            if candidate is not None:
-                yield candidate
+            options += without_doubtful_hand(values, silhouettes(self._graspable), tolerance)
+        ways = [way for option in options if (way := self._candidate(option)) is not None]
+        return min(ways, key=lambda candidate: candidate.cost, default=None)
 
     def fold_plan(self, candidate: Candidate, elapsed_ms: float) -> FoldPlan:
         """Turn a candidate into the planner's answer."""
@@ -234,7 +232,8 @@ class PlanningProblem:
             config.max_displacement,
             config.single_handed_share,
         )
-        if count == config.restarts:
+        known = 0 if guessed is None else len(guessed.values)
+        if known + len(values) == config.restarts:
             return (values if guessed is None else torch.cat([guessed.values, values])), None
         costs = self._cost.total(self._predict(values), values)
         if guessed is not None:
@@ -274,13 +273,12 @@ class PlanningProblem:
         return torch.cat([before.unflatten(0, (len(codes) - 1, -1)).transpose(0, 1), last], 1)
 
     @torch.no_grad()
-    def _candidate(self, values: Tensor, cost: float) -> Candidate | None:
-        """Adjust a sequence (n, 6) and predict it with the net itself; infinite cost: not known.
+    def _candidate(self, values: Tensor) -> Candidate | None:
+        """Adjust a sequence (n, 6) and predict it with the net itself.
 
         None if a step of it grasps no cloth, the first one grasps where something hides the cloth,
         or one leaves the reach in which it must be kept.
         """
-        first = values
         for _ in range(_ADJUSTMENTS):
             # A step that is adjusted may change which hands grasp in those that follow.
             states, before, used = self._foreseen(values)
@@ -292,8 +290,7 @@ class PlanningProblem:
             states, _, used = self._foreseen(values)
         if not used.any(1).all() or self._is_hidden(values[0, :4].view(2, 2)[used[0]]):
             return None
-        if values is not first or math.isinf(cost):
-            cost = float(self._cost.total(states[None], values[None]))
+        cost = float(self._cost.total(states[None], values[None]))
         excess = 0.0
         if self._cost.reach is not None:
             excess = float(self._cost.reach(values, used).sum())

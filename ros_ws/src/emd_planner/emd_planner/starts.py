@@ -117,8 +117,8 @@ class GuessedSequences:
     """Sequences of manipulations and what the net predicts of them.
 
     Attributes:
-        values: Shape (count, steps, 6), within the limits.
-        states: After each manipulation, shape (count, steps, X, Y, Z).
+        values: Shape (N, steps, 6), within the limits.
+        states: After each manipulation, shape (N, steps, X, Y, Z).
     """
 
     values: Tensor

@@ -18,6 +18,8 @@ from emd_core.voxel_grid import VoxelGrid
 from emd_msgs_py.msg import VoxelGrid as VoxelGridMsg
 from emd_msgs_py.srv import CaptureState
 
+# Perception may take all the time that it is given to collect frames, and computes afterwards.
+_COMPUTING = 5.0  # seconds
 _GRIDS = 5  # of the last observations; the points of the last one may come later than its grid
 
 
@@ -86,9 +88,10 @@ class ClothSight:
         request = CaptureState.Request(frames=self._config.frames, timeout=self._config.timeout)
         future = self._capture.call_async(request)
         future.add_done_callback(lambda _: answered.set())
-        if not answered.wait(self._config.timeout):
+        patience = self._config.timeout + _COMPUTING
+        if not answered.wait(patience):
             future.cancel()
-            raise NoObservationError(f"no answer within {self._config.timeout:.0f} s")
+            raise NoObservationError(f"no answer within {patience:.0f} s")
         response = future.result()
         if response.error_code:
             raise NoObservationError(response.error_msg)

@@ -38,7 +38,8 @@ class Evaluation:
         weights: Of the net; the shipped ones if None.
         reach: Where hands may go; None: anywhere.
         seed: Of all random numbers.
-        keep: Folder that gets every executed plan as training data; None: none is kept.
+        keep: Folder that gets every executed plan as training data, beside those of other
+            evaluations; None: none is kept.
     """
 
     tasks: list[Task]
@@ -102,16 +103,18 @@ def evaluate(
         on_progress: Told how many records are there, of how many.
 
     Raises:
-        InvalidInputError: If the journal is another evaluation's, or a worker count is not
-            positive.
+        InvalidInputError: If the journal is another evaluation's, or of one that kept its plans
+            elsewhere, the folder for plans cannot be made, or the worker count is not positive.
         ModelError: If the weights cannot be used.
     """
     if workers < 1:
         raise InvalidInputError(f"workers must be at least 1, got {workers}")
-    if evaluation.keep is not None:
-        evaluation.keep.mkdir(parents=True, exist_ok=True)
+    run: dict[str, object] = {"identity": evaluation.identity}
+    if evaluation.keep is not None:  # what was done without keeping it would be missing
+        _make_folder(evaluation.keep)
+        run["keep"] = str(evaluation.keep)
     jobs = evaluation.jobs
-    kept = Journal(journal, {"identity": evaluation.identity})
+    kept = Journal(journal, run)
     known = {(r.task, r.planner): r for r in map(Record.from_entry, kept.records)}
     missing = [job for job in jobs if (job[0].name, job[1]) not in known]
     for record in _perform_all(evaluation, missing, workers):
@@ -137,8 +140,17 @@ def final_state(evaluation: Evaluation, record: Record) -> FloatArray:
     ).outcome
 
 
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as err:
+        raise InvalidInputError(
+            f"a folder for executed plans is wanted, {folder} cannot be one: {err}"
+        ) from err
+
+
 def _perform_all(evaluation: Evaluation, jobs: list[Job], workers: int) -> Iterator[Record]:
-    worker = _Worker(replace(evaluation, tasks=[]))
+    worker = _Worker(replace(evaluation, tasks=[]), evaluation.identity[:8])
     if workers == 1:
         yield from map(worker, jobs)
         return
@@ -150,8 +162,9 @@ def _perform_all(evaluation: Evaluation, jobs: list[Job], workers: int) -> Itera
 class _Worker:
     """Does one job after the other; makes the planners at the first one."""
 
-    def __init__(self, evaluation: Evaluation) -> None:
+    def __init__(self, evaluation: Evaluation, run: str) -> None:
         self._evaluation = evaluation
+        self._run = run
         self._rivals: dict[str, Rival] = {}
 
     def __call__(self, job: Job) -> Record:
@@ -163,7 +176,7 @@ class _Worker:
         done = perform(task, name, rival, mode, about.preset, about.seed, about.reach)
         if about.keep is not None and done.manipulations:
             shard = as_shard(task, done.states, done.manipulations, about.preset)
-            shard.write(about.keep / f"shard_{task.name}_{name}.npz")
+            shard.write(about.keep / f"shard_{self._run}_{task.name}_{name}.npz")
         return done.record
 
 

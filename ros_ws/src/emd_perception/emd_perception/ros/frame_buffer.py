@@ -17,7 +17,7 @@ class FrameBuffer:
         self._condition = threading.Condition()
         self._newest: FramePair | None = None
         self._collected: list[FramePair] | None = None
-        self._uncalibrated: list[FramePair] = []
+        self._uncalibrated: FramePair | None = None
         self._since = 0.0
         self.dropped = 0
 
@@ -32,8 +32,10 @@ class FrameBuffer:
             self.dropped += self._newest is not None
             self._newest = pair
             if self._collected is not None and pair.stamp >= self._since:
-                fitting = self._uncalibrated if pair.info is None else self._collected
-                fitting.append(pair)
+                if pair.info is None:
+                    self._uncalibrated = pair
+                else:
+                    self._collected.append(pair)
             self._condition.notify_all()
 
     def take(self, timeout: float) -> FramePair | None:
@@ -47,7 +49,7 @@ class FrameBuffer:
         """Wait for pairs taken at or after a time.
 
         At the start of a cell a calibration may come later than the first images. Pairs without
-        one are given only if no others have come when time is up.
+        one do not count; if no others have come when time is up, one of them is given alone.
 
         Args:
             count: How many pairs.
@@ -59,12 +61,12 @@ class FrameBuffer:
         """
         deadline = time.monotonic() + timeout
         with self._condition:
-            self._collected, self._uncalibrated, self._since = [], [], since
+            self._collected, self._uncalibrated, self._since = [], None, since
             try:
                 while len(self._collected) < count:
                     if not self._condition.wait(timeout=deadline - time.monotonic()):
                         if self._uncalibrated and not self._collected:
-                            return self._uncalibrated[:count]
+                            return [self._uncalibrated]
                         raise DeadlineError(
                             f"{count} frames of colour and depth were wanted within {timeout:.1f}"
                             f" s, {len(self._collected)} came; is the camera on, and do its "
@@ -72,4 +74,4 @@ class FrameBuffer:
                         )
                 return self._collected[:count]
             finally:
-                self._collected = None
+                self._collected = self._uncalibrated = None

@@ -24,7 +24,10 @@ export class Replay {
     const bytes = Uint8Array.from(atob(this.motion.poses), (letter) => letter.charCodeAt(0));
     this.poses = new Float32Array(bytes.buffer);
     this.seek.max = this.motion.times.length - 1;
-    this.seek.oninput = () => this.show(Number(this.seek.value));
+    this.seek.oninput = () => {
+      this.pause();
+      this.show(Number(this.seek.value));
+    };
     this.play.onclick = () => (this.started === null ? this.start() : this.pause());
     document.getElementById("back").onclick = () => this.step(-1);
     document.getElementById("forth").onclick = () => this.step(1);
