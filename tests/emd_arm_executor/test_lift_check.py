@@ -82,7 +82,7 @@ def test_each_hand_is_judged_at_its_own_hem() -> None:
 
 @pytest.mark.parametrize("when", ["before", "after"])
 def test_a_hem_that_something_hides_is_not_judged(when: str) -> None:
-    """Whether cloth is gone or only out of sight is not known; what little is hidden is left out."""
+    """Cloth may be gone or out of sight; where only little is hidden, that is left out."""
     cloth = seen(sheet(), 0)
     grasps = {"left": grasp_at(HEM)}
     for radius, judged in ((0.03, {}), (0.005, {"left": False})):

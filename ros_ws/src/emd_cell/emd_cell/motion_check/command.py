@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import shlex
+import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -60,12 +61,16 @@ def check_motion(
 
 
 def identity(robot_file: Path | None) -> str:
-    """Digest of the sources and robots that plan motions, and of the robot's file if named."""
+    """Digest of the sources and robots that plan motions, and of the robot's file if named.
+
+    Of the executor's sources those count that the campaign has imported.
+    """
     digest = hashlib.sha256()
-    package = Path(emd_arm_executor.__file__).parent
-    sources = sorted(
-        path for kind in ("*.py", "*/*.yaml", "*/*.urdf") for path in package.glob(kind)
-    )
+    package = emd_arm_executor.__name__
+    modules = [m for name, m in sorted(sys.modules.items()) if name.split(".")[0] == package]
+    sources = [Path(module.__file__) for module in modules if module.__file__]
+    for kind in ("*/*.yaml", "*/*.urdf"):
+        sources += sorted(Path(emd_arm_executor.__file__).parent.glob(kind))
     for path in (*sources, *([robot_file] if robot_file else [])):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
