@@ -3,7 +3,7 @@
 import pytest
 from hypothesis import settings
 
-from emd_cloth_sim.warm_up import prepare_kernels
+from emd_cloth_sim.warm_up import compile_kernels, prepare_kernels
 
 # No test fails because the machine is busy.
 settings.register_profile("untimed", deadline=None)
@@ -18,5 +18,10 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def kernels() -> None:
-    """Every process loads the same compiled cloth, so that results agree to the bit."""
+    """Every process loads the same compiled cloth, so that results agree to the bit.
+
+    It does so before a test calls an inner kernel alone: the outer ones would be linked with that
+    one then, and might differ in the last bit.
+    """
     prepare_kernels()
+    compile_kernels()

@@ -101,3 +101,19 @@ def test_cloth_that_follows_is_kept() -> None:
 def test_a_hand_without_fingers_loses_nothing() -> None:
     """Manipulations without a robot hold on, as the data for training have it."""
     assert min(pull(None).held_count(0), pull(None).held_count(1)) > 0
+
+
+def test_cloth_that_is_lost_falls() -> None:
+    """Held still in the air, then lost by both hands at once, it does not stay up there."""
+    cloth = pull(NAILS, way=-0.10)
+    for _ in range(600):
+        cloth.advance(1 / 240)
+    held = cloth.positions_in_table[:, 2]
+    assert cloth.settled
+    for hand in cloth._hands:
+        hand.slip = -1.0
+    cloth.advance(1 / 240)
+    assert cloth.held_count(0) == cloth.held_count(1) == 0 and not cloth.settled
+    cloth.advance(1.0)
+    fallen = cloth.positions_in_table[:, 2]
+    assert cloth.settled and fallen.mean() < 0.9 * held.mean() and fallen.max() < held.max()

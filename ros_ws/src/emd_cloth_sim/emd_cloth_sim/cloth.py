@@ -265,8 +265,10 @@ class Cloth:
             for step in range(steps):
                 self._advance_step(duration / steps, step / steps, (step + 1) / steps)
                 for hand in self._hands:
-                    if hand.may_lose:
-                        hand.lose_slipped((step + 1) / steps, self.positions_in_table)
+                    if hand.may_lose and hand.lose_slipped(
+                        (step + 1) / steps, self.positions_in_table
+                    ):
+                        self._slow_time = 0.0  # it may have been still while it was held
                 self._note_speed(duration / steps)
                 if self.settled and not holding:
                     break

@@ -56,16 +56,20 @@ class Hand:
         """Whether it holds something that can slip out."""
         return len(self.held) > 0 and math.isfinite(self.slip)
 
-    def lose_slipped(self, progress: float, positions: FloatArray) -> None:
+    def lose_slipped(self, progress: float, positions: FloatArray) -> bool:
         """Let go of what has been pulled out of the fingers.
 
         Args:
             progress: How far the hand is on the way to its target, 0..1.
             positions: Of all vertices, (V, 3), metres.
+
+        Returns:
+            Whether there was any.
         """
         pulled = positions[self.held] - self.held_positions(progress)
         kept = np.linalg.norm(pulled, axis=1) <= self.slip
         self.held, self.held_in_tool = self.held[kept], self.held_in_tool[kept]
+        return not kept.all()
 
     def held_positions(self, progress: float) -> FloatArray:
         """Where the held vertices belong, part of the way to the target; shape (H, 3), metres."""
