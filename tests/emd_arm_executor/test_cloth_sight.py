@@ -113,7 +113,7 @@ def test_what_perception_cannot_see_is_not_judged(graph: Graph) -> None:
 
 def test_without_perception_nothing_is_seen(graph: Graph) -> None:
     """Where nobody offers a capture it is not waited for."""
-    assert graph.sight(SightConfig(timeout=1000.0), serves=False).look() is None
+    assert graph.sight(SightConfig(timeout=300.0), serves=False).look() is None
 
 
 def test_looking_can_be_switched_off(graph: Graph) -> None:
