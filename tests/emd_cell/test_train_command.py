@@ -14,7 +14,7 @@ from emd_console.example_store import ACCEPTED, ExampleStore, Review, export_exa
 from emd_core.frames import FieldOfView
 from emd_core.voxel_grid import voxelise
 from emd_planner.architectures import ARCHITECTURES
-from emd_planner.config import SpatialNetConfig
+from emd_planner.net_config import SpatialNetConfig
 
 
 @pytest.fixture

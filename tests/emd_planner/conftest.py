@@ -8,7 +8,7 @@ import torch
 
 from emd_core.frames import FieldOfView
 from emd_core.voxel_grid import voxelise
-from emd_planner.config import EmdNetConfig
+from emd_planner.net_config import EmdNetConfig
 
 
 @pytest.fixture(autouse=True)

@@ -16,10 +16,10 @@ from emd_planner.augmentation import (
     failing_steps,
     transform,
 )
-from emd_planner.config import AugmentationConfig
 from emd_planner.dataset import Windows
 from emd_planner.rasterise import rasterise
 from emd_planner.silhouette import columns_of, dilate, outside_cloth, silhouettes
+from emd_planner.training_config import AugmentationConfig
 from emd_planner.unused_hands import fill_unused, miss_narrowly, random_points_outside
 
 QUARTER_TURNS = AugmentationConfig(free_share=0.0, near_miss_share=0.0)

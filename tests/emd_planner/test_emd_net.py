@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from emd_core.errors import InvalidInputError
-from emd_planner.config import EmdNetConfig
 from emd_planner.emd_net import EmdNet
+from emd_planner.net_config import EmdNetConfig
 
 
 @pytest.fixture(scope="module")

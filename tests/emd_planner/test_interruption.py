@@ -9,8 +9,9 @@ import pytest
 import torch
 
 from emd_core.errors import CancelledError, NoPlanError
-from emd_planner.config import PLANNERS, PlannerConfig, SpatialNetConfig
+from emd_planner.config import PLANNERS, PlannerConfig
 from emd_planner.interruption import TimeIsUp, ask_between_layers
+from emd_planner.net_config import SpatialNetConfig
 from emd_planner.plan import plan
 from emd_planner.planning_net import planning_copy
 from emd_planner.spatial_net import SpatialEmdNet

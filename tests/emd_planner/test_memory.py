@@ -14,7 +14,7 @@ from emd_planner.memory import keep_freed_memory
 if not keep_freed_memory():
     sys.exit(77)
 import torch
-from emd_planner.config import EmdNetConfig
+from emd_planner.net_config import EmdNetConfig
 from emd_planner.emd_net import EmdNet
 torch.set_num_threads(1)
 net = EmdNet(EmdNetConfig(), seed=0)

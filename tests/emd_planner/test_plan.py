@@ -14,8 +14,9 @@ from emd_core.errors import CancelledError, InvalidInputError, NoPlanError
 from emd_core.frames import FieldOfView
 from emd_core.metrics import silhouette_iou
 from emd_core.voxel_grid import VoxelGrid, voxelise
-from emd_planner.config import EmdNetConfig, PlannerConfig, ReachConfig
+from emd_planner.config import PlannerConfig, ReachConfig
 from emd_planner.emd_net import EmdNet
+from emd_planner.net_config import EmdNetConfig
 from emd_planner.plan import plan
 
 FOV = FieldOfView()

@@ -11,10 +11,11 @@ import pytest
 import torch
 
 from emd_core.errors import InvalidInputError
-from emd_planner.config import AugmentationConfig, SpatialNetConfig, TrainingConfig
+from emd_planner.net_config import SpatialNetConfig
 from emd_planner.process_group import ProcessGroup, join_processes
 from emd_planner.sequence_files import load_sequences
 from emd_planner.trainer import Run, Trainer
+from emd_planner.training_config import AugmentationConfig, TrainingConfig
 from emd_planner.weights import load_net, read_provenance
 
 AVERAGES = """
@@ -32,7 +33,7 @@ TRAINS = """
 import sys
 from emd_planner import train
 from emd_planner.architectures import ARCHITECTURES
-from emd_planner.config import SpatialNetConfig
+from emd_planner.net_config import SpatialNetConfig
 ARCHITECTURES["spatial"] = lambda: SpatialNetConfig(
     widths=(4, 4, 4), moved_width=2, coarse_blocks=1
 )

@@ -7,7 +7,7 @@ import math
 import pytest
 import torch
 
-from emd_planner.config import SpatialNetConfig
+from emd_planner.net_config import SpatialNetConfig
 from emd_planner.proposal import ProposalHead, Proposals
 from emd_planner.recipe import proposal_loss
 from emd_planner.spatial_net import SpatialEmdNet

@@ -7,8 +7,8 @@ import torch
 
 from emd_core.errors import InvalidInputError
 from emd_planner.architectures import architecture_of, make_net
-from emd_planner.config import EmdNetConfig, SpatialNetConfig
 from emd_planner.emd_net import EmdNet
+from emd_planner.net_config import EmdNetConfig, SpatialNetConfig
 from emd_planner.spatial_net import SpatialEmdNet, _sample
 from emd_planner.weights import load_net, save_net
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 import torch
 
-from emd_planner.config import SpatialNetConfig
 from emd_planner.cost import grasps_cloth
 from emd_planner.emd_net import EmdNet
+from emd_planner.net_config import SpatialNetConfig
 from emd_planner.silhouette import dilate, outside_cloth
 from emd_planner.spatial_net import SpatialEmdNet
 from emd_planner.starts import (

@@ -12,18 +12,13 @@ import torch
 from emd_core.errors import InvalidInputError
 from emd_planner.architectures import ARCHITECTURES
 from emd_planner.augmentation import Examples
-from emd_planner.config import (
-    RECIPES,
-    AugmentationConfig,
-    EmdNetConfig,
-    SpatialNetConfig,
-    TrainingConfig,
-)
 from emd_planner.emd_net import EmdNet
+from emd_planner.net_config import EmdNetConfig, SpatialNetConfig
 from emd_planner.recipe import Losses, learning_rate_share, make_recipe
 from emd_planner.sequence_files import load_sequences
 from emd_planner.train import main, train
 from emd_planner.trainer import Run, Trainer
+from emd_planner.training_config import RECIPES, AugmentationConfig, TrainingConfig
 from emd_planner.validation import Validator, mean_grid
 from emd_planner.weights import load_net, read_provenance
 

@@ -9,8 +9,8 @@ import torch
 from safetensors.torch import save_file
 
 from emd_core.errors import ModelError
-from emd_planner.config import EmdNetConfig, SpatialNetConfig
 from emd_planner.emd_net import EmdNet
+from emd_planner.net_config import EmdNetConfig, SpatialNetConfig
 from emd_planner.weights import load_net, read_provenance, save_net
 
 

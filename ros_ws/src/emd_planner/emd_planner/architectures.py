@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from emd_planner.config import EmdNetConfig, SpatialNetConfig
 from emd_planner.emd_net import EmdNet
+from emd_planner.net_config import EmdNetConfig, SpatialNetConfig
 from emd_planner.spatial_net import SpatialEmdNet
 from emd_planner.state_predictor import StatePredictor
 

@@ -13,9 +13,9 @@ import torch
 from torch import Tensor
 
 from emd_core.errors import InvalidInputError
-from emd_planner.config import AugmentationConfig
 from emd_planner.rasterise import rasterise
 from emd_planner.sequence_tensors import Windows
+from emd_planner.training_config import AugmentationConfig
 from emd_planner.unused_hands import fill_unused, miss_narrowly
 
 # Quarter turns about z and their products with the mirroring of y.

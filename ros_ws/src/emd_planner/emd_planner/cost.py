@@ -105,10 +105,13 @@ def grasp_term(initial: Tensor, tolerance_voxels: int, threshold: float) -> Term
 
     def cost(states: Tensor, manipulations: Tensor) -> Tensor:
         before, used = look_back(initial, states, manipulations, tolerance_voxels, threshold)
-        grasps, wide = used.any(-1), dilate(silhouettes(before), tolerance_voxels)
+        missing = ~used.any(-1)
+        if not missing.any():  # nearly always
+            return torch.zeros(len(manipulations), device=manipulations.device)
+        wide = dilate(silhouettes(before), tolerance_voxels)
         points = manipulations[..., :4].unflatten(-1, (2, 2))
-        distance = distance_to_silhouette(points, wide).amin(-1)
-        return torch.where(grasps, 0.0, distance).sum(1)
+        distance = distance_to_silhouette(points[missing], wide[missing]).amin(-1)
+        return distance.new_zeros(missing.shape).masked_scatter(missing, distance).sum(1)
 
     return cost
 

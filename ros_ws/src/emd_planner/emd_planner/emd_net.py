@@ -8,7 +8,7 @@ from typing import cast
 import torch
 from torch import Tensor, nn
 
-from emd_planner.config import Activation, EmdNetConfig
+from emd_planner.net_config import Activation, EmdNetConfig
 from emd_planner.periodic_convolution import PeriodicConvolution, PeriodicTransposedConvolution
 from emd_planner.state_predictor import StatePredictor
 

@@ -14,8 +14,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from emd_planner.config import SpatialNetConfig
 from emd_planner.convolution_blocks import Dense, Halve, Pointwise, Residual
+from emd_planner.net_config import SpatialNetConfig
 
 _LONGEST = 6  # steps to the goal that are told apart
 _SMALLEST_SCALE = 0.02  # normalised: a third of a voxel's width

@@ -9,11 +9,11 @@ import torch
 from torch import Tensor, nn
 
 from emd_planner.augmentation import Examples
-from emd_planner.config import TrainingConfig
 from emd_planner.losses import consistency_loss, state_loss
 from emd_planner.manhattan import Manhattan
 from emd_planner.process_group import ProcessGroup
 from emd_planner.state_predictor import StatePredictor
+from emd_planner.training_config import TrainingConfig
 
 
 class Losses:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import torch
 from torch import Tensor
 
@@ -15,7 +17,8 @@ def dilate(silhouette: Tensor, voxels: int) -> Tensor:
     """Widen boolean silhouettes (..., X, Y) by whole voxels on all sides, wrapped."""
     wide = silhouette
     for axis in (-2, -1):
-        wide = torch.stack([wide.roll(s, axis) for s in range(-voxels, voxels + 1)]).any(0)
+        shifts = (wide.roll(s, axis) for s in range(-voxels, voxels + 1))
+        wide = functools.reduce(torch.logical_or, shifts)  # faster than `any` of a stack
     return wide
 
 

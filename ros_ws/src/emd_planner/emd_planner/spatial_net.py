@@ -15,7 +15,6 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from emd_planner.config import SpatialNetConfig
 from emd_planner.convolution_blocks import (
     Dense,
     Double,
@@ -25,6 +24,7 @@ from emd_planner.convolution_blocks import (
     channels_last,
     start_at_zero,
 )
+from emd_planner.net_config import SpatialNetConfig
 from emd_planner.proposal import ProposalHead, Proposals
 from emd_planner.state_predictor import StatePredictor
 

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from emd_core.errors import InvalidInputError
-from emd_planner.config import EmdNetConfig, SpatialNetConfig
+from emd_planner.net_config import EmdNetConfig, SpatialNetConfig
 from emd_planner.proposal import Proposals
 
 

@@ -23,13 +23,13 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from emd_core.errors import CellError, InvalidInputError
 from emd_planner.architectures import ARCHITECTURES, NetConfig
-from emd_planner.config import RECIPE_NETS, RECIPES, TrainingConfig
 from emd_planner.dataset import SequenceSet
 from emd_planner.device import resolve_device
 from emd_planner.memory import keep_freed_memory
 from emd_planner.process_group import ProcessGroup, join_processes
 from emd_planner.sequence_files import load_sequences
 from emd_planner.trainer import Run, Trainer
+from emd_planner.training_config import RECIPE_NETS, RECIPES, TrainingConfig
 
 PROGRAM = "python -m emd_planner.train"
 _MIX_HELP = "recorded manipulations, of which --mix-share of each batch are taken"

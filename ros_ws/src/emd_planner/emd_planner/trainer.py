@@ -17,12 +17,12 @@ from emd_core.errors import InvalidInputError
 from emd_planner.architectures import NetConfig, architecture_of, make_net
 from emd_planner.augmentation import Examples, augment
 from emd_planner.checkpoint import load_checkpoint, save_checkpoint
-from emd_planner.config import TrainingConfig
 from emd_planner.dataset import SequenceSet
 from emd_planner.planning_net import multiplies_bfloat16
 from emd_planner.process_group import ProcessGroup
 from emd_planner.recipe import Losses, make_recipe
 from emd_planner.speed import SpeedMeter, count_operations
+from emd_planner.training_config import TrainingConfig
 from emd_planner.training_log import TrainingLog, draw_curve
 from emd_planner.validation import Validator, mean_grid
 from emd_planner.weights import load_net, save_net

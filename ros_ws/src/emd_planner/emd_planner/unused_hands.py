@@ -5,8 +5,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from emd_planner.config import AugmentationConfig
 from emd_planner.silhouette import dilate, silhouettes
+from emd_planner.training_config import AugmentationConfig
 
 
 def fill_unused(

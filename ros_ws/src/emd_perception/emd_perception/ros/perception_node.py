@@ -8,6 +8,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 from geometry_msgs.msg import PoseStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -224,6 +225,7 @@ class PerceptionNode(Node):
 
 def main() -> int:
     """Run the node until interrupted."""
+    cv2.setNumThreads(1)  # for pictures of this size threads take more time than they save
     return spin_node(PerceptionNode)
 
 
