@@ -83,7 +83,7 @@ def replay(bag: Path, out: Path, *options: str) -> dict:
             ],
             capture_output=True,
             text=True,
-            timeout=240,
+            timeout=600,
             env={**os.environ, "ROS_DOMAIN_ID": str(number)},
         )
     assert done.returncode == 0, done.stderr

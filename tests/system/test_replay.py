@@ -47,7 +47,7 @@ def replay(bag: Path, out: Path) -> subprocess.CompletedProcess[str]:
         [sys.executable, "-m", "emd_cell.cli", "replay", str(bag), "--out", str(out)],
         capture_output=True,
         text=True,
-        timeout=180,
+        timeout=600,
     )
 
 

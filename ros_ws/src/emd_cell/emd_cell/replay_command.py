@@ -19,6 +19,9 @@ from emd_cell.ros.replay_client import NAMESPACE, ReplayClient
 from emd_perception.calibration.calibration import Calibration
 from emd_perception.frame_input import InputConfig
 
+# Longest start of perception, seconds: the first one in a checkout compiles its kernels.
+_START = 300.0
+
 
 def run_replay(
     bag: Path,
@@ -56,7 +59,7 @@ def run_replay(
             rclpy.init()
             client = ReplayClient(config)
             try:
-                client.wait_for_perception(60.0, launcher.require_alive)
+                client.wait_for_perception(_START, launcher.require_alive)
                 replay = BagReplay(client, out, rate, launcher.require_alive)
                 return replay.run(
                     bag,
