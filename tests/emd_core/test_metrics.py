@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from emd_core.errors import InvalidInputError
 from emd_core.metrics import silhouette_iou, voxel_iou, voxel_mse
 from emd_core.voxel_grid import VoxelGrid
 
@@ -34,7 +35,8 @@ def test_what_was_hidden_in_the_goal_does_not_count() -> None:
     partly = VoxelGrid(goal.occupancy, goal.field_of_view, unknown)
     assert voxel_mse(seen, partly) == (seen.occupancy != goal.occupancy)[5:].mean()
     hidden = VoxelGrid(goal.occupancy, goal.field_of_view, np.ones_like(unknown))
-    assert voxel_mse(seen, hidden) == 0.0
+    with pytest.raises(InvalidInputError, match="something hid all of it"):
+        voxel_mse(seen, hidden)
 
 
 def test_empty_grids_agree() -> None:

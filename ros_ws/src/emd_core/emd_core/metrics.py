@@ -10,13 +10,21 @@ def voxel_mse(grid: VoxelGrid, goal: VoxelGrid) -> float:
     """Mean squared difference of corresponding voxels, 0..1 (paper, eq. 1 and V-A).
 
     Columns that something hid when the goal was seen are left out: what is wanted there is not
-    known. 0 if nothing is known.
+    known.
+
+    Raises:
+        InvalidInputError: If the grids differ in size, or all of the goal was hidden.
     """
     _check_same_size(grid, goal)
     wrong = grid.occupancy != goal.occupancy
     if goal.unknown is not None:
         wrong = wrong[~goal.unknown]
-    return float(wrong.mean()) if wrong.size else 0.0
+    if not wrong.size:
+        raise InvalidInputError(
+            "a goal of which something is known is wanted, but something hid all of it; see the "
+            "goal again with nothing in the camera's way"
+        )
+    return float(wrong.mean())
 
 
 def voxel_iou(grid: VoxelGrid, goal: VoxelGrid) -> float:
