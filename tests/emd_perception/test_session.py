@@ -95,10 +95,11 @@ def test_a_stream_keeps_what_it_learnt_of_the_colours(flat_scene) -> None:
 
     def memory(config: PerceptionConfig | None = None, streaming: bool = True):
         frame = frame_of(flat_scene)
-        return session.perceive([frame], pose, 0.0, config, None, streaming).cut_memory
+        found = session.perceive([frame], pose, 0.0, config, None, streaming).memory
+        assert found is not None
+        return found.outline.segmentation.memory
 
     first = memory()
-    assert first is not None
     assert memory() is first
     assert memory(streaming=False) is not first
     assert memory() is first

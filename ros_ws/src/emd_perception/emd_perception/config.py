@@ -42,6 +42,8 @@ class SegmentationConfig:
         max_hole_area: Smaller holes in the cloth are filled, square metres.
         min_quality: A mask of lower quality counts as no cloth.
         region_margin: The region of interest exceeds the field of view by this share.
+        most_uses: In a stream, an outline serves at most so many more frames while the scene
+            looks the same; 0: it is found in every frame.
         random_seed: Seed of GraphCut's colour clustering.
     """
 
@@ -62,6 +64,7 @@ class SegmentationConfig:
     max_hole_area: float = bounded(0.002, 1e-6, 10.0)
     min_quality: float = bounded(0.2, 0.0, 1.0)
     region_margin: float = bounded(0.2, 0.0, 10.0)
+    most_uses: int = bounded(30, 0, 100_000)
     random_seed: int = bounded(0, 0, 2**31 - 1)
 
     def __post_init__(self) -> None:

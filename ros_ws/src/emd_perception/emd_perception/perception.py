@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from emd_core.frames import FloatArray
 from emd_core.voxel_grid import VoxelGrid
-from emd_perception.cut_memory import CutMemory
 from emd_perception.image_types import ColourImage, Mask
+from emd_perception.stream_memory import StreamMemory
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Perception:
         notes: Choices that were made for want of better knowledge.
         milliseconds: Time of each stage, and of all as `total`.
         image: The colour image that all this refers to (the mean of several frames).
-        cut_memory: For `perceive` of the next frame of a stream.
+        memory: For `perceive` of the next frame of a stream.
     """
 
     mask: Mask
@@ -48,4 +48,4 @@ class Perception:
     notes: tuple[str, ...]
     milliseconds: dict[str, float]
     image: ColourImage = field(repr=False)
-    cut_memory: CutMemory | None = field(default=None, repr=False)
+    memory: StreamMemory | None = field(default=None, repr=False)

@@ -12,10 +12,10 @@ from emd_core.pinhole_camera import PinholeCamera
 from emd_core.voxel_grid import VoxelGrid
 from emd_perception.cloth_points import ClothPoints, cloth_points
 from emd_perception.config import PerceptionConfig
-from emd_perception.cut_memory import CutMemory
 from emd_perception.depth_image import check_images
 from emd_perception.depth_to_voxel import voxelise_cloth
 from emd_perception.fusion import FusedFrame, fuse_frames
+from emd_perception.glance import Glance
 from emd_perception.hidden_columns import hidden_columns
 from emd_perception.image_types import ColourImage, DepthImage, Mask
 from emd_perception.open3d_library import load_open3d
@@ -24,6 +24,7 @@ from emd_perception.quality import Judgement, combine, good
 from emd_perception.region import field_of_view_region, observed_region, pixel_area_on_table
 from emd_perception.segmentation import Segmentation, segment_cloth
 from emd_perception.stopwatch import Stopwatch
+from emd_perception.stream_memory import FoundOutline, StreamMemory
 from emd_perception.table_frame import check_transform
 from emd_perception.table_search import find_table, locate_table_frame
 from emd_perception.unprojection import height_above_plane
@@ -40,7 +41,7 @@ class _View:
     transform_camera_to_table: FloatArray | None
     config: PerceptionConfig
     chosen_field_of_view: FieldOfView | None
-    last: CutMemory | None = None
+    last: StreamMemory | None = None
 
     @property
     def field_of_view(self) -> FieldOfView:
@@ -65,7 +66,7 @@ def perceive(
     transform_camera_to_table: FloatArray | None = None,
     config: PerceptionConfig | None = None,
     field_of_view: FieldOfView | None = None,
-    last: CutMemory | None = None,
+    last: StreamMemory | None = None,
 ) -> Perception:
     """Perceive the cloth in one frame; see `perceive_frames`."""
     return perceive_frames(
@@ -80,7 +81,7 @@ def perceive_frames(
     transform_camera_to_table: FloatArray | None = None,
     config: PerceptionConfig | None = None,
     field_of_view: FieldOfView | None = None,
-    last: CutMemory | None = None,
+    last: StreamMemory | None = None,
 ) -> Perception:
     """Perceive the cloth in several frames of a scene at rest (paper, IV-B).
 
@@ -97,7 +98,9 @@ def perceive_frames(
         config: Settings; the defaults if None.
         field_of_view: Box of the voxel grid. If None, the default one; without extrinsics it is
             enlarged where the cloth does not fit, and `notes` says so.
-        last: `cut_memory` of the frame before in a stream; see `segment_cloth`.
+        last: `memory` of the frame before in a stream, which had the same settings. While the
+            scene looks the same, its outline is kept for `segmentation.most_uses` frames, and
+            longer what it taught of the colours; depth is always that of the frame.
 
     Raises:
         InvalidInputError: If the images do not have the forms wanted or do not fit together.
@@ -118,18 +121,17 @@ def perceive_frames(
 
 def _perceive_fused(frame: FusedFrame, view: _View, clock: Stopwatch) -> Perception:
     known_pose, config = view.transform_camera_to_table, view.config
-    with clock.stage("plane"):
-        rough = find_table(frame.depth, view.camera, known_pose, config.plane)
-    with clock.stage("segmentation"):
-        height = height_above_plane(frame.depth, rough.coefficients, view.camera)
-        region = _region(height, view)
-        area = pixel_area_on_table(view.camera, rough)
-        segmentation = segment_cloth(
-            frame.colour, height, area, region, config.segmentation, view.last
-        )
+    memory = _outline(frame, view, clock)
+    segmentation, region = memory.outline.segmentation, memory.outline.region
     with clock.stage("table_frame"):
         table = locate_table_frame(
-            frame.depth, rough, segmentation.mask, region, view.camera, known_pose, config.plane
+            frame.depth,
+            memory.outline.table,
+            segmentation.mask,
+            region,
+            view.camera,
+            known_pose,
+            config.plane,
         )
     with clock.stage("voxelisation"):
         cloth = _voxelise(frame, segmentation, table.transform_camera_to_table, view)
@@ -150,8 +152,33 @@ def _perceive_fused(frame: FusedFrame, view: _View, clock: Stopwatch) -> Percept
         notes=(*table.notes, *cloth.notes),
         milliseconds=clock.milliseconds(),
         image=frame.colour,
-        cut_memory=segmentation.memory,
+        memory=memory,
     )
+
+
+def _outline(frame: FusedFrame, view: _View, clock: Stopwatch) -> StreamMemory:
+    """Find the cloth's outline, or keep that of a scene which has not changed."""
+    last, config = view.last, view.config
+    known_pose = view.transform_camera_to_table
+    with clock.stage("glance"):
+        glance = Glance.of(frame.colour, frame.depth, config.segmentation.working_pixels)
+        if last and last.still_holds(glance, known_pose, config.segmentation.most_uses):
+            return replace(last, uses=last.uses + 1)
+    with clock.stage("plane"):
+        table = find_table(frame.depth, view.camera, known_pose, config.plane)
+    with clock.stage("segmentation"):
+        height = height_above_plane(frame.depth, table.coefficients, view.camera)
+        region = _region(height, view)
+        area = pixel_area_on_table(view.camera, table)
+        segmentation = segment_cloth(
+            frame.colour,
+            height,
+            area,
+            region,
+            config.segmentation,
+            last.outline.segmentation.memory if last else None,
+        )
+    return StreamMemory(FoundOutline(table, region, segmentation), glance, known_pose)
 
 
 def _region(height: DepthImage, view: _View) -> Mask:

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from emd_core.errors import NoClothError
 from emd_core.frames import FieldOfView, FloatArray
 from emd_perception.config import PerceptionConfig
-from emd_perception.cut_memory import CutMemory
 from emd_perception.frame_input import Frame
 from emd_perception.pipeline import Perception, perceive_frames
+from emd_perception.stream_memory import StreamMemory
 from emd_perception.table_search import find_table
 from emd_perception.table_watch import TableWatch
 
@@ -25,7 +25,8 @@ class PerceptionSession:
         """Take who keeps an eye on the table."""
         self.watch = watch
         self._lock = threading.Lock()
-        self._memory: tuple[PerceptionConfig, CutMemory | None] | None = None
+        self._memory: StreamMemory | None = None
+        self._remembered_for: tuple[PerceptionConfig, FieldOfView | None] | None = None
 
     def perceive(
         self,
@@ -45,8 +46,8 @@ class PerceptionSession:
             config: Settings; the defaults if None.
             field_of_view: Box of the voxel grid. Without extrinsics there is no cell to keep to,
                 and the box may grow to the cloth.
-            streaming: Whether what the last streamed frame taught of the colours serves this one;
-                else it is perceived as if it were the first.
+            streaming: Whether what the last streamed frame left serves this one; else it is
+                perceived as if it were the first.
 
         Raises:
             CellError: See `emd_perception.pipeline.perceive_frames`.
@@ -62,21 +63,22 @@ class PerceptionSession:
                     extrinsics,
                     settings,
                     None if extrinsics is None else field_of_view,
-                    self._remembered(settings) if streaming else None,
+                    self._remembered((settings, field_of_view)) if streaming else None,
                 )
             except NoClothError:
                 self._measure_bare_table(frames[-1], extrinsics, stamp, settings)
                 raise
             self.watch.measured(perception.table_plane, frames[-1].camera, stamp)
             if streaming:
-                self._memory = (settings, perception.cut_memory)
+                self._memory = perception.memory
+                self._remembered_for = (settings, field_of_view)
             return perception
 
-    def _remembered(self, settings: PerceptionConfig) -> CutMemory | None:
+    def _remembered(
+        self, settings: tuple[PerceptionConfig, FieldOfView | None]
+    ) -> StreamMemory | None:
         """What the last streamed frame left, if it was perceived with the same settings."""
-        if self._memory is None or self._memory[0] != settings:
-            return None
-        return self._memory[1]
+        return self._memory if self._remembered_for == settings else None
 
     def _measure_bare_table(
         self, frame: Frame, extrinsics: FloatArray | None, stamp: float, config: PerceptionConfig

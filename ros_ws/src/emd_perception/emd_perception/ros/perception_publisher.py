@@ -33,13 +33,29 @@ class PerceptionMessages:
 
 def perception_messages(perception: Perception, pair: FramePair) -> PerceptionMessages:
     """Turn what was perceived in `pair` into messages with the stamp of its colour image."""
-    header = _table_header(pair)
-    mask = perception.mask.view(np.uint8) * np.uint8(255)
     return PerceptionMessages(
-        conversions.voxel_grid_to_message(perception.voxel_grid, header),
-        conversions.image_to_message(mask, "mono8", pair.colour.header),
-        conversions.points_to_message(perception.points_in_table, header),
+        _grid_message(perception, pair),
+        _mask_message(perception, pair),
+        _points_message(perception, pair),
     )
+
+
+def _grid_message(perception: Perception, pair: FramePair) -> Any:
+    return conversions.voxel_grid_to_message(perception.voxel_grid, _table_header(pair))
+
+
+def _mask_message(perception: Perception, pair: FramePair) -> Any:
+    mask = perception.mask.view(np.uint8) * np.uint8(255)
+    return conversions.image_to_message(mask, "mono8", pair.colour.header)
+
+
+def _points_message(perception: Perception, pair: FramePair) -> Any:
+    return conversions.points_to_message(perception.points_in_table, _table_header(pair))
+
+
+def _marker_message(perception: Perception, pair: FramePair) -> Any:
+    marker = voxel_marker(perception.voxel_grid, _table_header(pair), "perceived")
+    return MarkerArray(markers=[marker])
 
 
 CLOTH = "perception: cloth"
@@ -62,15 +78,22 @@ class PerceptionPublisher:
         self._diagnostics = advertise(DiagnosticArray, "/diagnostics", 10)
 
     def publish(self, perception: Perception, pair: FramePair, dropped: int) -> None:
-        """Publish everything about `pair`; `dropped` frames were left out so far."""
-        messages = perception_messages(perception, pair)
-        self._grid.publish(messages.grid)
-        self._mask.publish(messages.mask)
-        self._points.publish(messages.points)
+        """Publish everything about `pair` that somebody listens to.
+
+        Args:
+            perception: What was seen.
+            pair: In which images.
+            dropped: Frames that were left out so far.
+        """
+        for publisher, make in (
+            (self._grid, _grid_message),
+            (self._mask, _mask_message),
+            (self._points, _points_message),
+            (self._markers, _marker_message),
+        ):
+            if publisher.get_subscription_count() > 0:
+                publisher.publish(make(perception, pair))
         grid = perception.voxel_grid
-        if self._markers.get_subscription_count() > 0:  # a thousand points take milliseconds
-            marker = voxel_marker(grid, _table_header(pair), "perceived")
-            self._markers.publish(MarkerArray(markers=[marker]))
         level = DiagnosticStatus.OK if perception.quality >= 0.5 else DiagnosticStatus.WARN
         values = {
             "grid": "yes",
@@ -79,6 +102,7 @@ class PerceptionPublisher:
             "cloth_pixels": str(np.count_nonzero(perception.mask)),
             "occupied_voxels": str(np.count_nonzero(grid.occupancy)),
             "unknown_columns": str(grid.unknown_count),
+            "outline_uses": str(perception.memory.uses if perception.memory else 0),
             **{f"ms_{name}": f"{value:.1f}" for name, value in perception.milliseconds.items()},
         }
         self._report(pair, level, perception.reason, values)
