@@ -31,6 +31,7 @@ from sensor_msgs.msg import CameraInfo, JointState
 from websockets.asyncio.client import connect
 
 from emd_cell.bench import BenchmarkResult
+from emd_cell.large_messages import use_large_messages
 from emd_cell.launcher import Launcher
 from emd_cell.nodes import cell_nodes, console_node
 from emd_cell.process_figures import cpu_seconds, descendants, memory_mb
@@ -65,6 +66,7 @@ def run(minutes: float = MINUTES) -> BenchmarkResult:
         InvalidInputError: If there is no chromium.
     """
     executable = _chromium()
+    use_large_messages()
     with domain_id() as number, tempfile.TemporaryDirectory() as folder:
         os.environ["ROS_DOMAIN_ID"] = str(number)
         with Launcher(cell_nodes(overview=False), Path(folder) / "cell") as cell:

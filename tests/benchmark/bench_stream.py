@@ -2,7 +2,8 @@
 
 A process of its own publishes a noisy scene of the cell at 30 Hz and 640 x 480; the node, as
 `./cell up` starts it but without its rate limit of 1 Hz, perceives what it can. EMD_STREAM_MINUTES
-(10) says how long; the first minute is warm-up and no part of the memory's trend.
+(10) says how long; the first minute is warm-up and no part of the memory's trend. The scene is
+still; with EMD_STREAM_MOST_USES=0 each frame is outlined anew, as if something moved all the time.
 """
 
 import os
@@ -24,9 +25,11 @@ from rich.console import Console
 from rich.progress import Progress
 
 from emd_cell.bench import BenchmarkResult
+from emd_cell.large_messages import use_large_messages
 from emd_cell.launcher import Launcher, NodeSpec
 
 MINUTES = float(os.environ.get("EMD_STREAM_MINUTES", "10"))
+MOST_USES = int(os.environ.get("EMD_STREAM_MOST_USES", "30"))
 SAMPLE = 5.0  # seconds between two rows
 WARM_UP = 60.0
 RATE = 30.0
@@ -68,7 +71,12 @@ class Listener(Node):
 
 def run() -> BenchmarkResult:
     """Stream for `MINUTES`."""
-    parameters = {"node.max_rate": RATE, "node.reliable": True}
+    use_large_messages()
+    parameters = {
+        "node.max_rate": RATE,
+        "segmentation.most_uses": MOST_USES,
+        "node.reliable": True,
+    }
     node = NodeSpec("perception", "emd_perception.ros.perception_node", parameters, restart=False)
     with domain_id() as number, tempfile.TemporaryDirectory() as folder:
         os.environ["ROS_DOMAIN_ID"] = str(number)
@@ -79,7 +87,13 @@ def run() -> BenchmarkResult:
             finally:
                 camera.kill()
                 camera.wait()
-    config = {"minutes": MINUTES, "rate_hz": RATE, "width": 640, "height": 480}
+    config = {
+        "minutes": MINUTES,
+        "rate_hz": RATE,
+        "most_uses": MOST_USES,
+        "width": 640,
+        "height": 480,
+    }
     return BenchmarkResult(config, [asdict(row) for row in rows], _summary(rows))
 
 

@@ -8,6 +8,7 @@ import pytest
 import rclpy
 from own_domain import own_domain
 
+from emd_cell.large_messages import use_large_messages
 from emd_cell.launcher import Launcher
 from emd_cell.nodes import cell_nodes
 from emd_cell.ros.cell_client import CellClient
@@ -24,6 +25,7 @@ def ros_domain() -> Iterator[int]:
 @pytest.fixture(scope="session")
 def launcher(ros_domain, tmp_path_factory) -> Iterator[Launcher]:
     """All nodes of the cell, in real time."""
+    use_large_messages()
     nodes = cell_nodes(overview=False, real_time_factor=1.0)
     with Launcher(nodes, tmp_path_factory.mktemp("cell")) as started:
         yield started

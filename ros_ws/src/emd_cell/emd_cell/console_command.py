@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from emd_cell.large_messages import use_large_messages
 from emd_console.access import is_loopback
 from emd_console.port import free_port
 from emd_console.ros.console_main import main
@@ -29,6 +30,7 @@ def run_console(listen: str, port: int, tokens: bool, directory: Path, reliable:
         "directory": f"'{directory}'",
         "reliable": str(reliable).lower(),
     }
+    use_large_messages()
     arguments = ["--ros-args"]
     for name, value in parameters.items():
         arguments += ["-p", f"{name}:={value}"]

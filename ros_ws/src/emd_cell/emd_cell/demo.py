@@ -13,6 +13,7 @@ import rclpy
 from rich.console import Console
 
 from emd_cell.goals import Goal, load_goal
+from emd_cell.large_messages import use_large_messages
 from emd_cell.launcher import Launcher
 from emd_cell.nodes import cell_nodes, recorder_node
 from emd_cell.report import DemoReport, StripColumn, error_entry, write_gif, write_strip
@@ -56,6 +57,7 @@ def run_demo(options: DemoOptions, console: Console) -> DemoReport:
     options.out.mkdir(parents=True, exist_ok=True)
     report = DemoReport(options.goal, options.seed, shlex.join(["./cell", *sys.argv[1:]]))
     config = FoldingConfig(steps=options.steps or goal.steps, seed=options.seed)
+    use_large_messages()
     started = time.monotonic()
     with console.status("starting the cell") as status:
         nodes = cell_nodes(options.seed, options.gui, True, options.real_time_factor)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from emd_cell.large_messages import use_large_messages
 from emd_cell.launcher import Launcher, NodeSpec
 from emd_cell.nodes import CONSOLE, cell_nodes, console_node
 from emd_console.access import is_loopback
@@ -50,6 +51,7 @@ def run_cell(options: UpOptions, console: Console) -> None:
     if port:
         nodes.append(console_node(options.listen, port, not is_loopback(options.listen)))
     chosen = _chosen(nodes, options.only)
+    use_large_messages()
     with Launcher(chosen, options.logs, console.log) as launcher:
         console.print(f"The cell is up; logs in {options.logs}. Ctrl-C stops it.")
         if any(node.name == CONSOLE for node in chosen):

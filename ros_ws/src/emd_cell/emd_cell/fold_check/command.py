@@ -20,6 +20,7 @@ from emd_cell.bench import machine
 from emd_cell.fold_check.campaign import fold_goal
 from emd_cell.fold_check.summary import summarise
 from emd_cell.journal import Journal
+from emd_cell.large_messages import use_large_messages
 from emd_cell.launcher import Launcher
 from emd_cell.nodes import cell_nodes
 from emd_cell.ros.cell_client import CellClient
@@ -63,6 +64,7 @@ def check_folds(
     journal = Journal(folder / "journal.jsonl", run)
     planner = MotionPlanner(RobotModel(hiro_description()))
     columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
+    use_large_messages()
     nodes = cell_nodes(check.seed, overview=False, real_time_factor=float(check.real_time))
     with (
         Progress(*columns, console=console) as progress,

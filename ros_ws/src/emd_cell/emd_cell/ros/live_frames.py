@@ -10,6 +10,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
+from emd_cell.large_messages import use_large_messages
 from emd_core.errors import CellError, DeadlineError
 from emd_perception.frame_input import Frame, InputConfig
 from emd_perception.ros.frame_decoder import FrameDecoder
@@ -33,6 +34,7 @@ def live_frames(
     Raises:
         DeadlineError: If they do not come in time; says what is missing.
     """
+    use_large_messages()
     rclpy.init()
     node = Node("calibrate")
     try:
