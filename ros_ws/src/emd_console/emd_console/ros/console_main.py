@@ -29,6 +29,7 @@ from emd_console.web.console import Console
 from emd_console.web.live import LiveFeed
 from emd_core.errors import CellError
 from emd_core.ros.parameters import declare_config
+from emd_core.ros.spin import alternate_threads
 
 ACCESS_FILE = "access.txt"
 
@@ -110,6 +111,7 @@ def main(arguments: list[str] | None = None) -> int:
     Args:
         arguments: As on a node's command line; the process's own if None.
     """
+    alternate_threads()
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)  # the server has
     node = Node("console")
     try:

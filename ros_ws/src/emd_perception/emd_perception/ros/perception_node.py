@@ -42,7 +42,6 @@ from emd_perception.table_watch import TableWatch
 from emd_perception.warm_up import prepare
 
 _HEALTH_PERIOD = 1.0  # seconds
-_SWITCH_INTERVAL = 5e-4  # seconds
 _AT_START = ("reliable", "sync_tolerance", "calibration")
 
 
@@ -227,9 +226,6 @@ class PerceptionNode(Node):
 def main() -> int:
     """Run the node until interrupted."""
     cv2.setNumThreads(1)  # for pictures of this size threads take more time than they save
-    # The executor takes the interpreter many times for each message. Waiting 5 ms each time, the
-    # default, it would hand over images in bursts, of which all but one are dropped.
-    sys.setswitchinterval(_SWITCH_INTERVAL)
     return spin_node(PerceptionNode)
 
 
