@@ -11,7 +11,6 @@ from rclpy.node import Node
 
 from emd_core.errors import CellError
 
-
 _SWITCH_INTERVAL = 5e-4  # seconds
 
 
