@@ -27,8 +27,8 @@ class Jaws:
     slip: float
 
 
-class SimulatedCloth(Protocol):
-    """A deformable sheet on the desk, held by up to two hands (0 and 1)."""
+class ClothShape(Protocol):
+    """A sheet as it lies or hangs, which is all that a camera needs."""
 
     @property
     def positions_in_table(self) -> FloatArray:
@@ -41,6 +41,24 @@ class SimulatedCloth(Protocol):
     @property
     def thickness(self) -> float:
         """Distance that two layers keep, metres."""
+
+
+@dataclass(frozen=True)
+class StillCloth:
+    """The shape of a cloth at one moment; a `ClothShape`."""
+
+    positions_in_table: FloatArray
+    triangles: NDArray[np.int32]
+    thickness: float
+
+    @classmethod
+    def of(cls, cloth: ClothShape) -> StillCloth:
+        """Keep a cloth's shape of now."""
+        return cls(cloth.positions_in_table, cloth.triangles, cloth.thickness)
+
+
+class SimulatedCloth(ClothShape, Protocol):
+    """A deformable sheet on the desk, held by up to two hands (0 and 1)."""
 
     @property
     def settled(self) -> bool:

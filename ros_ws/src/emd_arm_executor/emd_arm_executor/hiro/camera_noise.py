@@ -151,7 +151,7 @@ def _quarter(bits: np.uint64, place: int) -> np.uintp:
     return np.uintp(bits >> np.uint64(16 * place)) & np.uintp(65535)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", nogil=True)
 def _add_levels(
     colour: ColourImage, levels: NDArray[np.int16], bits: NDArray[np.uint64], noisy: ColourImage
 ) -> None:
@@ -164,7 +164,7 @@ def _add_levels(
                 noisy[row, column, channel] = np.uint8(min(max(bright, 0), 255))
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", nogil=True)
 def _measure(
     depth: DepthImage,
     intrinsics: FloatArray,

@@ -11,7 +11,7 @@ from emd_arm_executor.hiro.render.renderer import Renderer
 from emd_arm_executor.hiro.world import HiroWorld
 from emd_core.frames import FloatArray
 from emd_core.pinhole_camera import PinholeCamera
-from emd_core.simulated_cloth import SimulatedCloth
+from emd_core.simulated_cloth import ClothShape
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class OverviewCamera:
             np.array(self.placement.position), np.array(self.placement.target)
         )
 
-    def capture(self, cloth: SimulatedCloth | None = None) -> NDArray[np.uint8]:
+    def capture(self, cloth: ClothShape | None = None) -> NDArray[np.uint8]:
         """Take a picture, RGB, shape (H, W, 3)."""
         return self._renderer.photograph(
             self.placement.camera,

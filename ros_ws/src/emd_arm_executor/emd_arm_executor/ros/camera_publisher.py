@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future, ThreadPoolExecutor
+
 import numpy as np
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, Image
 
-from emd_arm_executor.hiro.camera import CameraFrame, HeadCamera
+from emd_arm_executor.hiro.camera import CameraFrame, CameraView, HeadCamera
 from emd_core.frames import FloatArray
 from emd_core.ros import conversions
 from emd_core.ros.quality_of_service import LATCHED
@@ -15,7 +17,10 @@ from emd_core.simulated_cloth import SimulatedCloth
 
 
 class CameraPublisher:
-    """Publishes colour, depth (16UC1 mm and 32FC1 m), calibration and pose."""
+    """Publishes colour, depth (16UC1 mm and 32FC1 m), calibration and pose.
+
+    A thread of its own draws the pictures, so that the simulation goes on meanwhile.
+    """
 
     def __init__(self, node: Node, camera: HeadCamera) -> None:
         """Advertise the topics."""
@@ -29,9 +34,14 @@ class CameraPublisher:
         ]
         self._pose = node.create_publisher(PoseStamped, "camera/pose", LATCHED)
         self._last_pose: FloatArray | None = None
+        self._photographer = ThreadPoolExecutor(1, "camera")
+        self._picture: Future[None] | None = None
 
     def publish(self, cloth: SimulatedCloth, time: float) -> None:
-        """Publish a pair of images if anyone looks; a picture costs more than all the rest.
+        """Take a pair of images if anyone looks; a picture costs more than all the rest.
+
+        It is published as soon as it is drawn. Where pictures are due faster than they are drawn,
+        this waits, so that none is left out.
 
         Args:
             cloth: What lies on the table.
@@ -41,7 +51,22 @@ class CameraPublisher:
         images = (self._colour, self._depth_mm, self._depth_m)
         if not any(publisher.get_subscription_count() for publisher in images):
             return
-        frame = self._camera.capture(cloth)
+        self.finish()
+        view = self._camera.view(cloth)
+        self._picture = self._photographer.submit(self._publish_picture, view, time)
+
+    def finish(self) -> None:
+        """Wait for the picture that is being drawn; nobody else may use its renderer before."""
+        picture, self._picture = self._picture, None
+        if picture is not None:
+            picture.result()
+
+    def close(self) -> None:
+        """Wait for the picture that is being drawn, whether or not it can still be published."""
+        self._photographer.shutdown()
+
+    def _publish_picture(self, view: CameraView, time: float) -> None:
+        frame = self._camera.take(view)
         header = conversions.header(time, conversions.CAMERA_FRAME)
         for publisher in self._infos:
             publisher.publish(conversions.camera_to_message(frame.camera, header))

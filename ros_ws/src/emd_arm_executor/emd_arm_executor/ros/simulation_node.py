@@ -142,7 +142,13 @@ class SimulationNode(Node):
         if self._is_due("truth", self._config.truth_rate):
             self._truth_publisher.publish(self._simulation.cloth, self._simulation.time)
         if self._config.overview.enabled and self._is_due("film", self._config.overview.rate):
-            header = conversions.header(stamp, "overview")
+            self._publish_film()
+
+    def _publish_film(self) -> None:
+        """Film, if anyone looks."""
+        if self._film.get_subscription_count() > 0:
+            header = conversions.header(self._simulation.time, "overview")
+            self._camera_publisher.finish()
             image = self._overview.capture(self._simulation.cloth)
             self._film.publish(conversions.image_to_message(image, "rgb8", header))
 
@@ -165,7 +171,8 @@ class SimulationNode(Node):
         self._joints.publish(message)
 
     def destroy_node(self) -> None:
-        """Leave PyBullet, then the graph."""
+        """Finish the last picture, leave PyBullet, then the graph."""
+        self._camera_publisher.close()
         self._world.close()
         super().destroy_node()
 

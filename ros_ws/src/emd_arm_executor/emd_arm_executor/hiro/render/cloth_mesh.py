@@ -54,7 +54,7 @@ class ClothMesher:
         return replace(self._slab, vertices=vertices, normals=np.concatenate([normals, -normals]))
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def vertex_normals(positions: FloatArray, triangles: IndexArray) -> FloatArray:
     """Area-weighted unit normals of the vertices, shape (V, 3)."""
     normals = np.zeros_like(positions)

@@ -17,7 +17,7 @@ KeyImage = NDArray[np.float64]
 IndexImage = NDArray[np.int32]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _fill(
     corners: FloatArray, index: int, culled: bool, keys: KeyImage, indices: IndexImage
 ) -> None:
@@ -60,7 +60,7 @@ def _fill(
             key += key_dx
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def draw_perspective(
     vertices: FloatArray,
     triangles: NDArray[np.int32],
@@ -96,7 +96,7 @@ def draw_perspective(
             _fill(corners, index, True, keys, indices)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _clip_near(
     vertices: FloatArray, triangle: NDArray[np.int32], near: float, clipped: FloatArray
 ) -> int:
@@ -117,7 +117,7 @@ def _clip_near(
     return count
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def draw_parallel(
     vertices: FloatArray, triangles: NDArray[np.int32], keys: KeyImage, indices: IndexImage
 ) -> None:

@@ -18,7 +18,7 @@ from emd_arm_executor.hiro.render.shading import shade
 from emd_core.errors import InvalidInputError
 from emd_core.frames import FloatArray, inverse_transform
 from emd_core.pinhole_camera import PinholeCamera
-from emd_core.simulated_cloth import SimulatedCloth
+from emd_core.simulated_cloth import ClothShape
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class Renderer:
         camera: PinholeCamera,
         transform_camera_to_waist: FloatArray,
         link_transforms_in_waist: FloatArray | None = None,
-        cloth: SimulatedCloth | None = None,
+        cloth: ClothShape | None = None,
     ) -> Picture:
         """Draw the cell.
 
@@ -175,7 +175,7 @@ class Renderer:
         camera: PinholeCamera,
         transform_camera_to_waist: FloatArray,
         link_transforms_in_waist: FloatArray | None = None,
-        cloth: SimulatedCloth | None = None,
+        cloth: ClothShape | None = None,
         samples: int = 2,
     ) -> NDArray[np.uint8]:
         """Draw a colour picture with smooth edges, shape (H, W, 3); for films and figures.
@@ -202,7 +202,7 @@ class Renderer:
         return np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
 
     def _scene(
-        self, link_transforms_in_waist: FloatArray | None, cloth: SimulatedCloth | None
+        self, link_transforms_in_waist: FloatArray | None, cloth: ClothShape | None
     ) -> Mesh:
         parts = [self._scenery]
         if link_transforms_in_waist is not None:
@@ -212,7 +212,7 @@ class Renderer:
             parts.append(in_table.moved(self.geometry.transform_table_to_waist))
         return merge(parts)
 
-    def _cloth_mesher(self, cloth: SimulatedCloth) -> ClothMesher:
+    def _cloth_mesher(self, cloth: ClothShape) -> ClothMesher:
         triangles = cloth.triangles
         key = (len(triangles), int(triangles.max()), cloth.thickness)
         if self._mesher is None or key != self._mesher_key:

@@ -31,7 +31,7 @@ _TILE_SHADE = 0.93
 _SHADOW_BIAS = 0.004
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
 def shade(
     keys: FloatArray,
     indices: NDArray[np.int32],
