@@ -174,10 +174,10 @@ def _measure(
     measured: DepthImage,
 ) -> None:
     """Measure every pixel: jitter, axial noise, quantisation of the disparity, drop-outs."""
+    # Where the angle is too small to lose a pixel (less than one in 10^8).
+    certain = _seen_steeply(depth, intrinsics, np.cos(max(constants[5] - 5.0 * constants[6], 0.0)))
     floor, growth, best, jitter, steps = constants[:5]
     grazing, softness, rate, nearest, farthest = constants[5:]
-    # Above this cosine the angle is too small to lose a pixel (less than one in 10^8).
-    certain = np.cos(max(grazing - 5.0 * softness, 0.0))
     # Scalars: the compiler cannot know that `measured` does not overlap the array.
     inverse_fx, inverse_fy = 1.0 / intrinsics[0], 1.0 / intrinsics[1]
     cx, cy = intrinsics[2], intrinsics[3]
@@ -190,9 +190,9 @@ def _measure(
             i, j = min(max(i, 0), height - 1), min(max(j, 0), width - 1)
             z = float(depth[i, j])
             lost = rate
-            along, both = _incidence(depth, i, j, inverse_fx, inverse_fy, cx, cy)
-            # Without a root for most pixels; at gaps both are NaN, and the cosine counts as 0.
-            if not along * along >= certain * certain * both:
+            if not certain[i, j]:
+                along, both = _incidence(depth, i, j, inverse_fx, inverse_fy, cx, cy)
+                # At gaps both are NaN, and the cosine counts as 0.
                 cosine = along / np.sqrt(both) if both > 0.0 else 0.0
                 off = (grazing - np.arccos(cosine)) / (0.25 * softness)
                 lost += 1.0 / (1.0 + np.exp(off))
@@ -204,6 +204,33 @@ def _measure(
                 z = steps / np.rint(steps / max(z, 1e-3))
                 if nearest <= z <= farthest:
                     measured[row, column] = z
+
+
+@numba.njit(cache=True, error_model="numpy", nogil=True)
+def _seen_steeply(depth: DepthImage, intrinsics: FloatArray, cosine: float) -> NDArray[np.bool_]:
+    """Mark pixels whose ray meets what it sees at an angle of at least this cosine, (H, W).
+
+    Without roots and branches, so that many pixels are done at a time; the picture's border, where
+    slopes have one neighbour, is not marked.
+    """
+    steep = np.zeros(depth.shape, dtype=np.bool_)
+    inverse_fx, inverse_fy = 1.0 / intrinsics[0], 1.0 / intrinsics[1]
+    cx, cy = intrinsics[2], intrinsics[3]
+    least = cosine * cosine
+    for row in range(1, depth.shape[0] - 1):
+        above, here, below = depth[row - 1], depth[row], depth[row + 1]
+        y = (row - cy) * inverse_fy
+        for column in range(1, depth.shape[1] - 1):
+            z = np.float64(here[column])
+            zu = (np.float64(here[column + 1]) - np.float64(here[column - 1])) * 0.5
+            zv = (np.float64(below[column]) - np.float64(above[column])) * 0.5
+            x = (column - cx) * inverse_fx
+            nx, ny = -zu * inverse_fy, -zv * inverse_fx
+            nz = z * inverse_fx * inverse_fy + x * zu * inverse_fy + y * zv * inverse_fx
+            along = nx * x + ny * y + nz
+            both = (nx * nx + ny * ny + nz * nz) * (x * x + y * y + 1.0)
+            steep[row, column] = along * along >= least * both
+    return steep
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
