@@ -107,14 +107,21 @@ def test_the_net_plans_and_its_plans_are_executed(tasks: list[Task], mode: str) 
 
 
 def test_plans_of_arms_that_reach_half_of_the_view_stay_there(tasks: list[Task]) -> None:
-    """Executable by the reach that was asked for, and the record tells what was planned."""
+    """Executable by the reach that was asked for, and the record tells what was planned.
+
+    Unless the cloth lies partly beyond the view: there the plan is carried out beyond it, too.
+    """
     config = replace(PLANNERS["ours"], restarts=2, candidates=8, max_iterations=2)
     rival = NetPlanner(load_net(), config, REACHES["half"])
+    judged = 0
     for task in tasks[3:6]:
         record = perform(task, "ours", rival, "replan", TOWEL, 0, REACHES["half"]).record
-        assert record.executable or record.failure
+        beyond = bool((np.abs(task.start[:, :2]) > task.field_of_view.half_extent).any())
+        assert record.executable or record.failure or beyond
+        judged += not beyond
         assert record.figures is None or record.figures.steps == task.steps
         assert Record.from_entry(json.loads(json.dumps(record.as_entry()))) == record
+    assert judged > 0
 
 
 class _TriesFirst(Rival):
