@@ -99,7 +99,7 @@ def segment_cloth(
     pieces = opened_within(first_cut & ~dilate(intruders, 3), 3)
     outline = _piece_at(pieces, chosen.mask)
     things = find_things(outline, evidence, tall, settings.min_area)
-    if not things or outline[chosen.mask].mean() < _MIN_KEPT_SHARE:
+    if not things or pieces[chosen.mask].mean() < _MIN_KEPT_SHARE:
         if chosen.tall_share > _FRINGE:
             raise only_tall_things(1)
         raise NoClothError(
