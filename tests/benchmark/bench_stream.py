@@ -27,9 +27,10 @@ from rich.progress import Progress
 from emd_cell.bench import BenchmarkResult
 from emd_cell.large_messages import use_large_messages
 from emd_cell.launcher import Launcher, NodeSpec
+from emd_perception.config import SegmentationConfig
 
 MINUTES = float(os.environ.get("EMD_STREAM_MINUTES", "10"))
-MOST_USES = int(os.environ.get("EMD_STREAM_MOST_USES", "30"))
+MOST_USES = int(os.environ.get("EMD_STREAM_MOST_USES", SegmentationConfig().most_uses))
 SAMPLE = 5.0  # seconds between two rows
 WARM_UP = 60.0
 RATE = 30.0

@@ -99,14 +99,12 @@ def segment_cloth(
     pieces = opened_within(first_cut & ~dilate(intruders, 3), 3)
     outline = _piece_at(pieces, chosen.mask)
     things = find_things(outline, evidence, tall, settings.min_area)
-    if not things or pieces[chosen.mask].mean() < _MIN_KEPT_SHARE:
-        if chosen.tall_share > _FRINGE:
-            raise only_tall_things(1)
-        raise NoClothError(
-            "what differs from the table has no outline in the colour image that holds together; "
-            "light the table evenly, or use a cloth of another colour than the table"
-        )
+    if not things:
+        raise _no_outline(chosen)
     cloth = choose_cloth(things, settings)
+    whole = pieces_behind_hands(pieces, cloth.mask, evidence, tall | blind)
+    if whole[chosen.mask].mean() < _MIN_KEPT_SHARE:
+        raise _no_outline(chosen)
     judgements = _judge(cloth, seeds, evidence, settings)
     quality, reason = combine(judgements)
     if quality < settings.min_quality:
@@ -114,11 +112,10 @@ def segment_cloth(
             f"what differs most from the table does not look like cloth (quality {quality:.2f}): "
             f"{reason}; put the cloth into view"
         )
-    outline = pieces_behind_hands(pieces, cloth.mask, evidence, tall | blind)
     hands = outline_hands(intruders | tall, height, cloth.median_height)
-    mask = refine(colour, outline, mixtures, settings, hands) & region
+    mask = refine(colour, whole, mixtures, settings, hands) & region
     window = bounding_window(mask, 1)
-    pieces = _pieces_near(mask[window], resize_mask(outline, mask.shape)[window])
+    pieces = _pieces_near(mask[window], resize_mask(whole, mask.shape)[window])
     mask[window] = _fill_holes(pieces, pixel_area[window], height[window], settings)
     memory = kept or CutMemory(evidence.lab, mixtures)
     hiding = np.zeros_like(mask) if hands is None else hands.pixels & ~mask
@@ -126,6 +123,16 @@ def segment_cloth(
         hiding |= resize_mask(blind, mask.shape) & ~mask
     area = float(pixel_area[window][mask[window]].sum())
     return Segmentation(mask, area, judgements, memory, hiding)
+
+
+def _no_outline(chosen: Thing) -> NoClothError:
+    """The refusal where the cut has kept too little of what the seeds took for cloth."""
+    if chosen.tall_share > _FRINGE:
+        return only_tall_things(1)
+    return NoClothError(
+        "what differs from the table has no outline in the colour image that holds together; "
+        "light the table evenly, or use a cloth of another colour than the table"
+    )
 
 
 def _pieces_near(mask: Mask, guide: Mask) -> Mask:
