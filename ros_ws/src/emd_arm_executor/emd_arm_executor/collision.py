@@ -5,7 +5,6 @@ Pinocchio and coal test the collision primitives of the URDF and a box for the t
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from operator import attrgetter
@@ -24,10 +23,6 @@ from emd_core.frames import FloatArray
 TABLE = "table"
 
 _CLEARANCE = attrgetter("distance_lower_bound")
-
-# First and last row of a part of a path, pairs that are not proven free in it, their clearances
-# at its ends.
-_OpenPart = tuple[int, int, NDArray[np.intp], FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -165,22 +160,25 @@ class CollisionChecker:
             rooms.append(self.clearances(configurations[index])[pairs])
             if (rooms[-1] <= 0.0).any():
                 return self._meeting(rooms[-1], pairs, index / max(ends[1], 1))
-        open_parts: deque[_OpenPart] = deque([(*ends, pairs, rooms[0], rooms[1])])
-        while open_parts:
-            first, last, pairs, before, after = open_parts.popleft()
-            travel = self.bound.travel(turned[last] - turned[first], pairs)
-            unproven = travel >= before + after + 2.0 * self.config.slack
-            if last - first < 2 or not unproven.any():
-                continue
-            pairs, before, after = pairs[unproven], before[unproven], after[unproven]
-            middle = (first + last) // 2
-            room = self._clearances_of(pairs, configurations[middle])
-            if (room <= 0.0).any():
-                return self._meeting(room, pairs, middle / ends[1])
-            open_parts += [
-                (first, middle, pairs, before, room),
-                (middle, last, pairs, room, after),
-            ]
+        # K parts of the path that are open still: their first and last rows (K, 2), the clearances
+        # there (K, 2, P), infinite for pairs that are proven free on a part around this one.
+        parts, known = np.array([ends]), np.stack(rooms)[None]
+        while len(parts):
+            travel = self.bound.travel(turned[parts[:, 1]] - turned[parts[:, 0]], pairs)
+            unproven = travel >= known.sum(axis=1) + 2.0 * self.config.slack
+            going_on = (parts[:, 1] - parts[:, 0] >= 2) & unproven.any(axis=1)
+            parts, known, unproven = parts[going_on], known[going_on], unproven[going_on]
+            middles = parts.sum(axis=1) // 2
+            found = np.full(unproven.shape, np.inf)
+            for middle, room, asked in zip(middles, found, unproven, strict=True):
+                room[asked] = self._clearances_of(pairs[asked], configurations[middle])
+            touching = np.flatnonzero(found.min(axis=1, initial=np.inf) <= 0.0)
+            if len(touching):
+                place = touching[0]
+                return self._meeting(found[place], pairs, middles[place] / ends[1])
+            parts = np.stack([parts[:, 0], middles, middles, parts[:, 1]], axis=1).reshape(-1, 2)
+            known = np.stack([known[:, 0], found, found, known[:, 1]], axis=1)
+            known = known.reshape(-1, 2, len(pairs))
         return None
 
     def refusal(self, name: str, meeting: Meeting) -> CollisionError:

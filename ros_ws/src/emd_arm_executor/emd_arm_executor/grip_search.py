@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -25,6 +26,9 @@ from emd_core.frames import FloatArray
 # Step along the path while candidates are screened, metres, and what a joint may turn in it.
 _COARSE_STEP = 0.03
 _COARSE_JOINT_STEP = 0.8
+
+# Poses of one hand on two parts of its way, each (N, 4, 4), table frame.
+_Ways = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -103,34 +107,32 @@ class GripSearch:
         kinematics = self._robot.arms[self.arm]
         rest = self._robot.rest_positions([self.arm])
         restarts = self._config.kinematics.grasp_restarts
-        grips = []
+        grips: list[tuple[Grip, _Ways]] = []
         for grasp in poses:
             target = self._robot.transform_table_to_base @ grasp.transform_tool_to_table
-            for positions in kinematics.solutions(target, (rest,), restarts):
-                grips.append(Grip(self.arm, grasp, positions))
+            solutions = kinematics.solutions(target, (rest,), restarts)
+            branches = [Grip(self.arm, grasp, positions) for positions in solutions]
+            if branches:
+                ways = self._carrying(branches[0])
+                grips += [(grip, ways) for grip in branches]
         if not grips:
             target = self._robot.transform_table_to_base @ poses[0].transform_tool_to_table
             if not reasons:
                 reasons.append(kinematics.out_of_reach(target, (rest,)))
             return
-        grips.sort(key=lambda grip: kinematics.posture_cost(grip.positions, rest))
-        usable = [grip for grip in grips if self._reaches(self._carry, grip, reasons)]
+        grips.sort(key=lambda each: kinematics.posture_cost(each[0].positions, rest))
+        usable = [
+            grip for grip, ways in grips if _reaches(partial(self._carry, grip, ways), reasons)
+        ]
         for distance in self._config.grasp.pre_grasp_distances:
             for grip in usable:
                 candidate = replace(grip, pre_grasp_distance=distance)
-                if self._reaches(self._descend, candidate, reasons):
+                if _reaches(partial(self._descend, candidate), reasons):
                     yield candidate
                     return
 
-    def _reaches(self, way: Callable[[Grip], None], grip: Grip, reasons: list[CellError]) -> bool:
-        try:
-            way(grip)
-        except (OutOfReachError, CollisionError) as err:
-            reasons.append(err)
-            return False
-        return True
-
-    def _carry(self, grip: Grip) -> None:
+    def _carrying(self, grip: Grip) -> _Ways:
+        """Lay the hand's coarse ways while carrying and retreating, whatever the arm's branch."""
         displacement = self._task.displacement_in_table[None]
         if self._config.grasp.keep_crease:
             displacement = displacements_keeping_creases(
@@ -140,7 +142,10 @@ class GripSearch:
                 self._config.grasp.jaw_depth,
             )
         carried, up = carrying_poses([grip], displacement, self._task.silhouette, self._coarse)
-        ways = follow_carrying(self._robot, grip, (carried[0], up[0]), _COARSE_JOINT_STEP)
+        return carried[0], up[0]
+
+    def _carry(self, grip: Grip, poses: _Ways) -> None:
+        ways = follow_carrying(self._robot, grip, poses, _COARSE_JOINT_STEP)
         self._check(ways, self._config.grasp.closed_width, "carry")
 
     def _descend(self, grip: Grip) -> None:
@@ -153,6 +158,16 @@ class GripSearch:
         names = self._robot.joint_names([self.arm])
         rows = self._robot.configurations({}, names, np.concatenate(ways), {self.arm: width})
         self._robot.collision.check_path(rows, name)
+
+
+def _reaches(follow: Callable[[], None], reasons: list[CellError]) -> bool:
+    """Tell whether an arm can go its way; if not, add the reason to `reasons`."""
+    try:
+        follow()
+    except (OutOfReachError, CollisionError) as err:
+        reasons.append(err)
+        return False
+    return True
 
 
 def _pairs(poses: Sequence[GraspPose]) -> Iterator[Sequence[GraspPose]]:

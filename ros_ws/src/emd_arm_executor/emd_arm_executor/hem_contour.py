@@ -90,7 +90,8 @@ class _Border:
 
 def _borders(silhouette: Silhouette, config: HemConfig) -> list[_Border]:
     refinement = max(1, int(np.ceil(silhouette.resolution.max() / config.tracing_resolution)))
-    fine = np.kron(np.pad(silhouette.mask, 1), np.ones((refinement, refinement))).astype(np.uint8)
+    padded = np.pad(silhouette.mask, 1).astype(np.uint8)
+    fine = padded.repeat(refinement, axis=0).repeat(refinement, axis=1)
     outlines, _ = cv2.findContours(fine, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     cell = silhouette.resolution / refinement
     large = [o for o in outlines if cv2.contourArea(o) * cell.prod() >= config.minimum_area]

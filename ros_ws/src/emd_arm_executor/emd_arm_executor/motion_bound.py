@@ -35,14 +35,15 @@ class MotionBound:
         """Bound how far the links of each pair move against each other.
 
         Args:
-            turned: How far each joint turns, to and fro added up, shape (nq,), radians or metres.
+            turned: How far each joint turns, to and fro added up, shape (..., nq), radians or
+                metres.
             pairs: Indices of the pairs that are asked for; all if None.
 
         Returns:
-            Metres, shape (P,).
+            Metres, shape (..., P).
         """
         levers = self._levers if pairs is None else self._levers[pairs]
-        travel: FloatArray = levers @ turned
+        travel: FloatArray = turned @ levers.T
         return travel
 
 

@@ -99,18 +99,19 @@ class PathProfile:
         times, jerks = times[kept], jerks[kept]
         if len(times) == 0:
             times, jerks = np.zeros(1), np.zeros(1)
-        states = np.empty((len(times) + 1, 3))
-        states[0] = start.position, start.velocity, start.acceleration
-        for i, (h, j) in enumerate(zip(times, jerks, strict=True)):
-            p, v, a = states[i]
-            states[i + 1] = (
-                p + h * (v + h * (a / 2.0 + h * j / 6.0)),
-                v + h * (a + h * j / 2.0),
-                a + h * j,
+        states = [(start.position, start.velocity, start.acceleration)]
+        for h, j in zip(times.tolist(), jerks.tolist(), strict=True):
+            p, v, a = states[-1]
+            states.append(
+                (
+                    p + h * (v + h * (a / 2.0 + h * j / 6.0)),
+                    v + h * (a + h * j / 2.0),
+                    a + h * j,
+                )
             )
         starts = np.append(0.0, np.cumsum(times))
-        p, v, a = states[:-1].T
-        return cls(starts[:-1], jerks, a, v, p, float(starts[-1]))
+        positions, velocities, accelerations = np.array(states[:-1]).T
+        return cls(starts[:-1], jerks, accelerations, velocities, positions, float(starts[-1]))
 
     def slowed(self, factor: float) -> PathProfile:
         """Give the same motion, `factor` times as long."""

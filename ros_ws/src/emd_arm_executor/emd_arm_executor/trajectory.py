@@ -7,6 +7,7 @@ call a remote service.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,11 +62,16 @@ class TimedPath:
         self, times: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Give positions, velocities, accelerations and jerks of the joints, each (T, n)."""
+        s = self.profile.sample(times + self.offset)[0]
+        positions = self.path.positions(np.clip(s, 0.0, self.path.length))
+        return positions, *self.joint_derivatives(times)
+
+    def joint_derivatives(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Give velocities, accelerations and jerks of the joints, each (T, n)."""
         s, v, a, j = (row[:, None] for row in self.profile.sample(times + self.offset))
         parameter = np.clip(s[:, 0], 0.0, self.path.length)
         first, second, third = self.path.derivatives(parameter)
         return (
-            self.path.positions(parameter),
             first * v,
             second * v**2 + first * a,
             third * v**3 + 3.0 * second * v * a + first * j,
@@ -101,12 +107,14 @@ def time_path(path: JointPath, limits: MotionLimits, max_speed: float | None = N
     if np.ptp(path.positions(path.spline.x), axis=0).max() < _STILL:
         return TimedPath(path, PathProfile.standing())
     grid, slowness = _slowness(path, limits, max_speed)
-    trials = [
-        _fit(evened, limits, share)
-        for evened in (_even_out(path, grid, slowness, window) for window in _WINDOWS)
-        for share in _SHARES
-    ]
-    return _within(min(trials, key=lambda trial: trial.duration), limits)
+    if len(path.spline.x) == 2:
+        # Straight, so equally slow everywhere.
+        ends = path.positions(path.spline.x)
+        time = np.array([0.0, path.length * slowness.max()])
+        evened: Iterable[JointPath] = [JointPath.through(path.joint_names, ends, time)]
+    else:
+        evened = (_even_out(path, grid, slowness, window) for window in _WINDOWS)
+    return _within(_fastest(evened, limits), limits)
 
 
 def _within(timed: TimedPath, limits: MotionLimits) -> TimedPath:
@@ -117,7 +125,7 @@ def _within(timed: TimedPath, limits: MotionLimits) -> TimedPath:
     knots = np.interp(timed.path.spline.x, profile.sample(even)[0], even)
     jumps = np.concatenate([profile.starts, knots])
     instants = np.concatenate([even, jumps - _ASIDE, jumps + _ASIDE])
-    velocity, excess, sudden = limits.excess(*timed.joint_motion(instants)[1:])
+    velocity, excess, sudden = limits.excess(*timed.joint_derivatives(instants))
     slower = max(velocity, excess ** (1 / 2), sudden ** (1 / 3)) * (1.0 + _SPARE)
     return timed if slower <= 1.0 else TimedPath(timed.path, profile.slowed(slower))
 
@@ -168,19 +176,32 @@ def _even_out(path: JointPath, grid: FloatArray, slowness: FloatArray, window: f
     return JointPath.through(path.joint_names, path.positions(old), new)
 
 
-def _fit(path: JointPath, limits: MotionLimits, share: float, start: float = 0.0) -> TimedPath:
-    """Time an evened path from `start` at full speed, slowed until the joints' limits hold."""
-    steepest = np.maximum(np.abs(path.derivatives(path.spline.x)[0]).max(axis=0), 1e-9)
-    acceleration = share * float((limits.acceleration / steepest).min())
-    jerk = share * float((limits.jerk / steepest).min())
-    trial = TimedPath(path, PathProfile.rest_to_rest(path.length, 1.0, acceleration, jerk, start))
-    velocity, excess, sudden = limits.excess(*_checked_motion(trial))
-    slower = max(velocity, excess ** (1 / 2), sudden ** (1 / 3), 1.0)
-    if slower > 1.0:
-        slower *= 1.0 + 1e-3
-        scaled = (1.0 / slower, acceleration / slower**2, jerk / slower**3)
-        trial = TimedPath(path, PathProfile.rest_to_rest(path.length, *scaled, start))
-    return trial
+def _fastest(paths: Iterable[JointPath], limits: MotionLimits, start: float = 0.0) -> TimedPath:
+    """Time evened paths of one curve from `start` to the end; give the fastest motion.
+
+    Each path is tried at full speed with some shares of acceleration and jerk, and slowed down
+    until the joints' limits hold. What is no faster before it is slowed need not be measured.
+    """
+    best: TimedPath | None = None
+    for path in paths:
+        steepest = np.maximum(np.abs(path.derivatives(path.spline.x)[0]).max(axis=0), 1e-9)
+        for share in _SHARES:
+            acceleration = share * float((limits.acceleration / steepest).min())
+            jerk = share * float((limits.jerk / steepest).min())
+            profile = PathProfile.rest_to_rest(path.length, 1.0, acceleration, jerk, start)
+            if best is not None and profile.duration >= best.duration:
+                continue
+            trial = TimedPath(path, profile)
+            velocity, excess, sudden = limits.excess(*_checked_motion(trial))
+            slower = max(velocity, excess ** (1 / 2), sudden ** (1 / 3))
+            if slower > 1.0:
+                slower *= 1.0 + 1e-3
+                scaled = (1.0 / slower, acceleration / slower**2, jerk / slower**3)
+                trial = TimedPath(path, PathProfile.rest_to_rest(path.length, *scaled, start))
+            if best is None or trial.duration < best.duration:
+                best = trial
+    assert best is not None
+    return best
 
 
 def stop_path(timed: TimedPath, time: float, limits: MotionLimits) -> TimedPath:
@@ -232,10 +253,9 @@ def resume_path(stopped: TimedPath, limits: MotionLimits) -> TimedPath:
     path, position = stopped.path, stopped.state_at(stopped.duration).position
     if path.length - position < _STILL:
         return TimedPath(path, PathProfile.standing(path.length))
-    trials = [_fit(path, limits, share, position) for share in _SHARES]
-    return _within(min(trials, key=lambda trial: trial.duration), limits)
+    return _within(_fastest([path], limits, position), limits)
 
 
 def _checked_motion(timed: TimedPath) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Give velocities, accelerations and jerks of the joints at many instants, each (T, n)."""
-    return timed.joint_motion(np.linspace(0.0, timed.duration, _CHECKS))[1:]
+    return timed.joint_derivatives(np.linspace(0.0, timed.duration, _CHECKS))
