@@ -43,7 +43,7 @@ class MotionBound:
             Metres, shape (..., P).
         """
         levers = self._levers if pairs is None else self._levers[pairs]
-        travel: FloatArray = turned @ levers.T
+        travel: FloatArray = (levers @ turned[..., None])[..., 0]
         return travel
 
 
