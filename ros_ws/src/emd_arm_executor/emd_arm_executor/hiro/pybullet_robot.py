@@ -71,10 +71,10 @@ class PyBulletRobot:
             physicsClientId=self._client,
         )
 
-    def joint_states(self) -> NDArray[np.float64]:
-        """Positions, velocities and servo torques, shape (3, 23): rad, rad/s, Nm."""
+    def joint_states(self, joints: slice = slice(None)) -> NDArray[np.float64]:
+        """Positions, velocities and servo torques of J joints, shape (3, J): rad, rad/s, Nm."""
         states = pybullet.getJointStates(
-            self.body, self._joint_index, physicsClientId=self._client
+            self.body, self._joint_index[joints], physicsClientId=self._client
         )
         return np.array([(state[0], state[1], state[3]) for state in states]).T
 

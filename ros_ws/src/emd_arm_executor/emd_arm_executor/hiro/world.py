@@ -176,19 +176,27 @@ class HiroWorld:
         pybullet.stepSimulation(physicsClientId=self._client)
 
     @property
+    def joint_states(self) -> FloatArray:
+        """Measured positions, velocities and torques of the servos in the last step.
+
+        Shape (3, 23): radians, rad/s, Nm.
+        """
+        return self._robot.joint_states()
+
+    @property
     def joint_positions(self) -> FloatArray:
         """Measured positions, shape (23,), radians."""
-        return self._robot.joint_states()[0]
+        return self.joint_states[0]
 
     @property
     def joint_velocities(self) -> FloatArray:
         """Measured velocities, shape (23,), rad/s."""
-        return self._robot.joint_states()[1]
+        return self.joint_states[1]
 
     @property
     def joint_efforts(self) -> FloatArray:
         """Torques of the servos in the last step, shape (23,), Nm."""
-        return self._robot.joint_states()[2]
+        return self.joint_states[2]
 
     @property
     def joint_setpoints(self) -> FloatArray:
@@ -197,8 +205,9 @@ class HiroWorld:
 
     def group_positions(self, group: str) -> FloatArray:
         """Measured positions of one joint group, radians."""
-        first = JOINT_NAMES.index(joint_group(group).joints[0])
-        return self.joint_positions[first : first + len(joint_group(group).joints)]
+        joints = joint_group(group).joints
+        first = JOINT_NAMES.index(joints[0])
+        return self._robot.joint_states(slice(first, first + len(joints)))[0]
 
     def gripper_width(self, hand: int) -> float:
         """Measured distance between the pads of a hand (0 left, 1 right), metres."""

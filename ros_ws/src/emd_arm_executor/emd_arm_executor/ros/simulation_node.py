@@ -161,12 +161,13 @@ class SimulationNode(Node):
         return True
 
     def _publish_joints(self) -> None:
+        positions, velocities, efforts = self._world.joint_states.tolist()
         message = JointState(
             header=conversions.header(self._simulation.time, ""),
             name=list(JOINT_NAMES),
-            position=self._world.joint_positions.tolist(),
-            velocity=self._world.joint_velocities.tolist(),
-            effort=self._world.joint_efforts.tolist(),
+            position=positions,
+            velocity=velocities,
+            effort=efforts,
         )
         self._joints.publish(message)
 

@@ -145,7 +145,8 @@ class Renderer:
         indices = np.full(keys.shape, -1, dtype=np.int32)
         draw_perspective(in_camera, mesh.triangles, intrinsics, self.config.near, keys, indices)
         image = np.empty((*keys.shape, 3), dtype=np.uint8)
-        image[:] = np.round(255 * np.array(self.config.background))
+        depth = np.full(keys.shape, np.nan, dtype=np.float32)
+        segmentation = np.zeros(keys.shape, dtype=np.uint8)
         surface = (
             mesh.vertices,
             mesh.normals,
@@ -153,6 +154,7 @@ class Renderer:
             mesh.colours,
             mesh.smooth,
             mesh.materials,
+            mesh.segments,
         )
         lamp = np.array([*self._light, self.config.ambient, self.config.lamp])
         shade(
@@ -163,12 +165,12 @@ class Renderer:
             surface,
             self._wood,
             (lamp, self._shadow_keys(mesh), self._waist_to_shadow),
+            np.round(255 * np.array(self.config.background)).astype(np.uint8),
             image,
+            depth,
+            segmentation,
         )
-        seen = indices >= 0
-        with np.errstate(divide="ignore"):
-            depth = np.where(seen, 1.0 / keys, np.nan).astype(np.float32)
-        return Picture(image, depth, np.append(mesh.segments, np.uint8(0))[indices])
+        return Picture(image, depth, segmentation)
 
     def photograph(
         self,

@@ -8,13 +8,15 @@ from numpy.typing import NDArray
 
 from emd_core.frames import FloatArray
 
-# Vertices (V, 3) in metres, their normals, triangles (T, 3), their colours, smoothness, materials.
+# Vertices (V, 3) in metres, their normals, triangles (T, 3), their colours, smoothness, materials
+# and segments.
 Surface = tuple[
     FloatArray,
     FloatArray,
     NDArray[np.int32],
     NDArray[np.float32],
     NDArray[np.bool_],
+    NDArray[np.uint8],
     NDArray[np.uint8],
 ]
 # Texture (rows, columns, 3), 0..1; x and y of its corner and the length of a texel, metres.
@@ -40,9 +42,12 @@ def shade(
     surface: Surface,
     wood: Wood,
     lighting: Lighting,
+    background: NDArray[np.uint8],
     image: NDArray[np.uint8],
+    depths: NDArray[np.float32],
+    segmentation: NDArray[np.uint8],
 ) -> None:
-    """Light every pixel that shows a triangle; the others keep the image's colour.
+    """Light every pixel that shows a triangle; the others get the background's colour.
 
     Args:
         keys: 1 / depth, shape (H, W), 1/m.
@@ -52,54 +57,67 @@ def shade(
         surface: The triangles, WAIST frame.
         wood: Texture of the table top.
         lighting: The lamp and its shadows.
+        background: RGB.
         image: RGB, shape (H, W, 3); written to.
+        depths: Along the optical axis, metres, shape (H, W); written to where a triangle is seen.
+        segmentation: Part that each pixel shows, shape (H, W); likewise.
     """
-    vertices, normals, triangles, colours, smooth, materials = surface
+    vertices, normals, triangles, colours, smooth, materials, segments = surface
+    light, shadow_keys, to_shadow = lighting
     fx, fy, cx, cy = intrinsics
+    lamp_x, lamp_y, lamp_z, ambient, lamp = light
     # Scalars, not array elements: the compiler cannot know that `image` overlaps none of them.
     r00, r01, r02, tx = camera_to_waist[0]
     r10, r11, r12, ty = camera_to_waist[1]
     r20, r21, r22, tz = camera_to_waist[2]
+    s00, s01, s02, su = to_shadow[0]
+    s10, s11, s12, sv = to_shadow[1]
+    s20, s21, s22, sk = to_shadow[2]
     # Unsigned indices spare numba the test whether they count from the end.
     for row in range(np.uintp(keys.shape[0])):
         across_y = (row - cy) / fy
+        seen = np.int32(-1)
         for column in range(np.uintp(keys.shape[1])):
             if indices[row, column] < 0:
+                for channel in range(3):
+                    image[row, column, channel] = background[channel]
                 continue
-            triangle = np.uintp(indices[row, column])
+            # Neighbours mostly show the same triangle.
+            if indices[row, column] != seen:
+                seen = indices[row, column]
+                triangle = np.uintp(seen)
+                corner = np.uintp(triangles[triangle, 0])
+                nx, ny, nz = normals[corner, 0], normals[corner, 1], normals[corner, 2]
+                paint = colours[triangle, 0], colours[triangle, 1], colours[triangle, 2]
+                rounded, material = smooth[triangle], materials[triangle]
+                segment = segments[triangle]
             depth = 1.0 / keys[row, column]
             across_x = (column - cx) / fx
             x = (r00 * across_x + r01 * across_y + r02) * depth + tx
             y = (r10 * across_x + r11 * across_y + r12) * depth + ty
             z = (r20 * across_x + r21 * across_y + r22) * depth + tz
-            corner = np.uintp(triangles[triangle, 0])
-            nx, ny, nz = normals[corner, 0], normals[corner, 1], normals[corner, 2]
-            if smooth[triangle]:
+            if rounded:
                 nx, ny, nz = _normal_at(x, y, z, vertices, normals, triangles[triangle])
-            scale = 255.0 * _brightness(x, y, z, nx, ny, nz, lighting)
-            red, green, blue = colours[triangle, 0], colours[triangle, 1], colours[triangle, 2]
-            if materials[triangle] == _WOOD and nz > 0.5:
+            # Light from all around, more of it from above, and the lamp's.
+            brightness = ambient * (0.75 + 0.25 * nz)
+            facing = nx * lamp_x + ny * lamp_y + nz * lamp_z
+            if facing > 0.0:
+                px, py, pz = x + _SHADOW_BIAS * nx, y + _SHADOW_BIAS * ny, z + _SHADOW_BIAS * nz
+                u = s00 * px + s01 * py + s02 * pz + su
+                v = s10 * px + s11 * py + s12 * pz + sv
+                key = s20 * px + s21 * py + s22 * pz + sk
+                brightness += lamp * facing * _visibility(u, v, key, shadow_keys)
+            scale = 255.0 * brightness
+            red, green, blue = paint
+            if material == _WOOD and nz > 0.5:
                 red, green, blue = _wood_at(x, y, wood)
-            elif materials[triangle] == _TILES and (_tile(x) + _tile(y)) % 2 == 0:
+            elif material == _TILES and (_tile(x) + _tile(y)) % 2 == 0:
                 scale *= _TILE_SHADE
             image[row, column, 0] = np.uint8(min(scale * red, 255.0))
             image[row, column, 1] = np.uint8(min(scale * green, 255.0))
             image[row, column, 2] = np.uint8(min(scale * blue, 255.0))
-
-
-@numba.njit(cache=True, fastmath=True, error_model="numpy", inline="always")
-def _brightness(
-    x: float, y: float, z: float, nx: float, ny: float, nz: float, lighting: Lighting
-) -> float:
-    """Light at a point with a normal: from all around, more of it from above, and the lamp's."""
-    light, shadow_keys, waist_to_shadow = lighting
-    brightness = light[3] * (0.75 + 0.25 * nz)
-    facing = nx * light[0] + ny * light[1] + nz * light[2]
-    if facing > 0.0:
-        px, py, pz = x + _SHADOW_BIAS * nx, y + _SHADOW_BIAS * ny, z + _SHADOW_BIAS * nz
-        visible = _visibility(px, py, pz, shadow_keys, waist_to_shadow)
-        brightness += light[4] * facing * visible
-    return brightness
+            depths[row, column] = depth
+            segmentation[row, column] = segment
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy", inline="always")
@@ -145,17 +163,19 @@ def _normal_at(
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy", inline="always")
-def _visibility(
-    x: float, y: float, z: float, shadow_keys: FloatArray, to_shadow: FloatArray
-) -> float:
-    """Share of the lamp that reaches a point, 0..1, over four texels of its picture."""
+def _visibility(u: float, v: float, key: float, shadow_keys: FloatArray) -> float:
+    """Share of the lamp that reaches a point, 0..1, over four texels of the lamp's picture.
+
+    Args:
+        u: Column of the point in that picture.
+        v: Its row.
+        key: Its key.
+        shadow_keys: The picture.
+    """
     size = shadow_keys.shape[0]
     one = np.uintp(1)
-    u = to_shadow[0, 0] * x + to_shadow[0, 1] * y + to_shadow[0, 2] * z + to_shadow[0, 3]
-    v = to_shadow[1, 0] * x + to_shadow[1, 1] * y + to_shadow[1, 2] * z + to_shadow[1, 3]
     light = 1.0
     if u >= 0.0 and v >= 0.0 and u < size - 1 and v < size - 1:
-        key = to_shadow[2, 0] * x + to_shadow[2, 1] * y + to_shadow[2, 2] * z + to_shadow[2, 3]
         column, row = np.uintp(u), np.uintp(v)
         du, dv = u - column, v - row
         here = 1.0 if shadow_keys[row, column] <= key else 0.0
