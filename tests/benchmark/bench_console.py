@@ -45,9 +45,9 @@ from emd_core.voxel_grid import VoxelGrid
 from emd_msgs_py.action import ExecuteManipulation
 
 VIEWERS = 10
-ROUNDS = 2
+ROUNDS = 3
 SECONDS = 8.0
-PLANS = 3
+PLANS = 4
 MINUTES = 2.0
 STILL = 0.02  # rad/s
 STOPS = 3

@@ -194,6 +194,14 @@ def test_a_hand_above_the_cloth_is_left_out_and_what_it_cuts_off_is_not() -> Non
     assert (found & raised).sum() < 0.1 * raised.sum()
 
 
+@pytest.mark.parametrize("across", [-0.02, 0.0, 0.05])
+def test_a_cloth_that_an_arm_parts_is_one_cloth(across: float) -> None:
+    """An arm that lies across all of it leaves two halves, neither of which is the cloth alone."""
+    arm = Layer(rectangle(1.4, 0.09, (0.0, across)), 0.10, GREY, is_cloth=False)
+    scene = render([Layer(FLAT, 0.003, BLUE), arm], seed=17)
+    assert iou(segment(scene).mask, scene.mask) > 0.95
+
+
 def test_a_low_gripper_of_the_cloths_colour_is_taken_out() -> None:
     """A cut by colour joins it with the cloth; its height and the arm above it tell it apart."""
     dark = (30, 40, 34)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 import sys
 import threading
+import time
 from pathlib import Path
 
 import cv2
 import rclpy
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException, ShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
@@ -32,6 +33,7 @@ from emd_core.ros.parameters import declare_config
 from emd_core.ros.spin import alternate_threads
 
 ACCESS_FILE = "access.txt"
+_PAUSE = 5e-3  # seconds between callbacks
 
 
 def make_console(node: Node) -> Console:
@@ -99,9 +101,15 @@ def serve(node: Node) -> None:
 
 
 def _spin(spinner: SingleThreadedExecutor) -> None:
+    """Spin until the end, with pauses in which messages gather.
+
+    Waiting costs the executor more than a message does, and many topics come in bursts.
+    """
     try:
-        spinner.spin()
-    except ExternalShutdownException:
+        while True:
+            spinner.spin_once()
+            time.sleep(_PAUSE)
+    except (ExternalShutdownException, ShutdownException):
         return
 
 
