@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
@@ -68,14 +68,18 @@ class Studio:
         """Listen to the colour images, as soon as the publisher knows."""
         topic = "camera/color/image_raw"
         self.nodes[1].create_subscription(Image, topic, self._on_image, 10)
-        wait_until(lambda: self.nodes[0].count_subscribers(topic) > 0)
         wait_until(lambda: self.publisher._colour.get_subscription_count() > 0)
 
     def receive(self, count: int) -> None:
         """Take what comes until so many images have come."""
         spinner = SingleThreadedExecutor(context=self.context)
         spinner.add_node(self.nodes[1])
-        wait_until(lambda: spinner.spin_once(0.05) or len(self.seen) >= count)
+
+        def received() -> bool:
+            spinner.spin_once(0.05)
+            return len(self.seen) >= count
+
+        wait_until(received)
         spinner.shutdown()
 
     def _on_image(self, message: Image) -> None:
@@ -83,7 +87,7 @@ class Studio:
         self.seen.append((stamp, int(message.data[0])))
 
 
-def wait_until(holds) -> None:
+def wait_until(holds: Callable[[], bool]) -> None:
     """Wait until something holds, at most 20 s."""
     end = time.monotonic() + 20.0
     while not holds():
@@ -122,10 +126,11 @@ def test_no_picture_is_left_out(studio: Studio) -> None:
     studio.publisher.publish(studio.cloth, 1.0)
     waiting = threading.Thread(target=studio.publisher.publish, args=(studio.cloth, 2.0))
     waiting.start()
-    time.sleep(0.1)
-    assert studio.camera.views == 1  # the second view is taken after the first picture
+    waiting.join(0.2)
+    assert waiting.is_alive() and studio.camera.views == 1
     studio.camera.may_draw.set()
     waiting.join(20.0)
+    assert not waiting.is_alive()
     studio.receive(2)
     assert studio.seen == [(1.0, 1), (2.0, 2)]
 

@@ -97,6 +97,16 @@ def test_ignored_contacts_may_go_on(robot: RobotModel) -> None:
     assert robot.collision.arms_in(meeting.contact) == {"left"}
 
 
+def test_a_path_with_nothing_left_to_check_is_free(robot: RobotModel) -> None:
+    """Where every pair may touch, hands may sink into the table."""
+    up, down = (
+        _configuration(robot, left=_hand_at(robot, "left", 0.0, -0.1, z)) for z in (0.1, -0.01)
+    )
+    path = np.linspace(up, down, 9)
+    assert robot.collision.meeting(path) is not None
+    assert robot.collision.meeting(path, set(robot.collision.pairs)) is None
+
+
 def test_clearance_falls_as_a_hand_comes_down(robot: RobotModel) -> None:
     """A hand lowered by 2 mm into the table loses 2 mm of its least room.
 

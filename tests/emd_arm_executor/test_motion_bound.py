@@ -44,6 +44,14 @@ def test_levers_are_the_lengths_up_to_each_link() -> None:
     assert bound.largest == pytest.approx(bound.travel(np.ones(3)).max())
 
 
+def test_many_travels_are_bounded_at_once() -> None:
+    """Rows keep their order, and pairs that are asked for theirs."""
+    bound, turned = MotionBound(*_arm()), np.random.default_rng(1).uniform(0.0, 1.0, (2, 4, 3))
+    travel = bound.travel(turned, np.array([2, 0]))
+    assert travel.shape == (2, 4, 2)
+    assert travel[1, 3] == pytest.approx(bound.travel(turned[1, 3])[[2, 0]])
+
+
 def test_no_distance_changes_by_more_than_the_bound() -> None:
     """Between 200 random pairs of postures, true distances change by the bound at most."""
     model, geometry = _arm()

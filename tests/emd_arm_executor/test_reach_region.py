@@ -58,7 +58,8 @@ def test_points_inside_can_be_gripped(coarse: RobotModel, regions: dict[str, Flo
     for weights in rng.dirichlet(np.ones(len(polygon)), 15):
         vertical = np.diag([1.0, -1.0, -1.0, 1.0])
         vertical[:3, 3] = [*(weights @ polygon), coarse.config.grasp.grip_height]
-        arm.solve(coarse.transform_table_to_base @ vertical, rest)
+        target = coarse.transform_table_to_base @ vertical
+        assert arm.forward(arm.solve(target, rest)) == pytest.approx(target, abs=1e-4)
 
 
 def test_table_out_of_reach_has_no_region() -> None:

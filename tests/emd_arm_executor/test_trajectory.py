@@ -80,6 +80,19 @@ def test_speed_cap_holds() -> None:
     assert trajectory.duration > path.length / 0.1
 
 
+def test_a_straight_path_is_timed_as_if_it_had_many_knots() -> None:
+    """Two knots need no evening out; a hundred on the same line give the same motion."""
+    start, end = np.array([0.0, -0.5, 0.2]), np.array([1.2, 0.7, 0.1])
+    knots = np.linspace(0.0, 1.0, 100)
+    straight = JointPath.straight(NAMES, start, end)
+    dense = JointPath.through(NAMES, start + knots[:, None] * (end - start), knots)
+    first, second = time_path(straight, LIMITS), time_path(dense, LIMITS)
+    assert straight.is_straight and not dense.is_straight
+    assert first.duration == pytest.approx(second.duration, rel=2e-3)
+    times = np.linspace(0.0, first.duration, 7)
+    assert first.joint_motion(times)[0] == pytest.approx(second.joint_motion(times)[0], abs=2e-3)
+
+
 def test_higher_limits_are_faster() -> None:
     """Twice the limits shorten the motion."""
     double = MotionLimits(2 * LIMITS.velocity, 2 * LIMITS.acceleration, 2 * LIMITS.jerk)

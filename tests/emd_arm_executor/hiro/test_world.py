@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pybullet
 import pytest
 
 from emd_arm_executor.hiro.contacts import side_of, watched_pairs
 from emd_arm_executor.hiro.description import (
+    JOINT_GROUPS,
     JOINT_LIMITS,
     JOINT_NAMES,
     OBSERVE,
@@ -104,6 +106,18 @@ def test_close_may_be_called_twice() -> None:
     world = HiroWorld()
     world.close()
     world.close()
+    with pytest.raises(pybullet.error):
+        world.step()
+
+
+def test_a_groups_positions_are_those_of_its_joints(world) -> None:
+    """Whichever joints are asked for, each has its own value."""
+    world.set_joint_targets({"LARM_JOINT0": 0.2, "RARM_JOINT3": -1.2, "RHAND_JOINT1": 0.1})
+    for _ in range(50):
+        world.step()
+    by_name = dict(zip(JOINT_NAMES, world.joint_positions, strict=True))
+    for name, group in JOINT_GROUPS.items():
+        assert world.group_positions(name).tolist() == [by_name[j] for j in group.joints]
 
 
 def test_tool_transform_is_in_the_table_frame(world) -> None:

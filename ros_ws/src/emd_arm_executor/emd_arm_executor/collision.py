@@ -160,8 +160,8 @@ class CollisionChecker:
             rooms.append(self.clearances(configurations[index])[pairs])
             if (rooms[-1] <= 0.0).any():
                 return self._meeting(rooms[-1], pairs, index / max(ends[1], 1))
-        # K parts of the path that are open still: their first and last rows (K, 2), the clearances
-        # there (K, 2, P), infinite for pairs that are proven free on a part around this one.
+        # Parts of the path that are open still: their first and last rows (N, 2), the clearances
+        # there (N, 2, P), infinite where a larger part had proved a pair free.
         parts, known = np.array([ends]), np.stack(rooms)[None]
         while len(parts):
             travel = self.bound.travel(turned[parts[:, 1]] - turned[parts[:, 0]], pairs)
@@ -171,14 +171,13 @@ class CollisionChecker:
             middles = parts.sum(axis=1) // 2
             found = np.full(unproven.shape, np.inf)
             for middle, room, asked in zip(middles, found, unproven, strict=True):
-                room[asked] = self._clearances_of(pairs[asked], configurations[middle])
-            touching = np.flatnonzero(found.min(axis=1, initial=np.inf) <= 0.0)
-            if len(touching):
-                place = touching[0]
-                return self._meeting(found[place], pairs, middles[place] / ends[1])
+                clear = self._clearances_of(pairs[asked], configurations[middle])
+                if (clear <= 0.0).any():
+                    return self._meeting(clear, pairs[asked], middle / ends[1])
+                room[asked] = clear
             parts = np.stack([parts[:, 0], middles, middles, parts[:, 1]], axis=1).reshape(-1, 2)
             known = np.stack([known[:, 0], found, found, known[:, 1]], axis=1)
-            known = known.reshape(-1, 2, len(pairs))
+            known = known.reshape(len(parts), 2, len(pairs))
         return None
 
     def refusal(self, name: str, meeting: Meeting) -> CollisionError:

@@ -28,7 +28,7 @@ _COARSE_STEP = 0.03
 _COARSE_JOINT_STEP = 0.8
 
 # Poses of one hand on two parts of its way, each (N, 4, 4), table frame.
-_Ways = tuple[FloatArray, FloatArray]
+_Poses = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -107,14 +107,14 @@ class GripSearch:
         kinematics = self._robot.arms[self.arm]
         rest = self._robot.rest_positions([self.arm])
         restarts = self._config.kinematics.grasp_restarts
-        grips: list[tuple[Grip, _Ways]] = []
+        grips: list[tuple[Grip, _Poses]] = []
         for grasp in poses:
             target = self._robot.transform_table_to_base @ grasp.transform_tool_to_table
             solutions = kinematics.solutions(target, (rest,), restarts)
             branches = [Grip(self.arm, grasp, positions) for positions in solutions]
             if branches:
-                ways = self._carrying(branches[0])
-                grips += [(grip, ways) for grip in branches]
+                onward = self._carrying(branches[0])
+                grips += [(grip, onward) for grip in branches]
         if not grips:
             target = self._robot.transform_table_to_base @ poses[0].transform_tool_to_table
             if not reasons:
@@ -122,7 +122,7 @@ class GripSearch:
             return
         grips.sort(key=lambda each: kinematics.posture_cost(each[0].positions, rest))
         usable = [
-            grip for grip, ways in grips if _reaches(partial(self._carry, grip, ways), reasons)
+            grip for grip, onward in grips if _reaches(partial(self._carry, grip, onward), reasons)
         ]
         for distance in self._config.grasp.pre_grasp_distances:
             for grip in usable:
@@ -131,8 +131,8 @@ class GripSearch:
                     yield candidate
                     return
 
-    def _carrying(self, grip: Grip) -> _Ways:
-        """Lay the hand's coarse ways while carrying and retreating, whatever the arm's branch."""
+    def _carrying(self, grip: Grip) -> _Poses:
+        """Lay the hand's coarse ways while carrying and retreating, by its grasp alone."""
         displacement = self._task.displacement_in_table[None]
         if self._config.grasp.keep_crease:
             displacement = displacements_keeping_creases(
@@ -144,7 +144,7 @@ class GripSearch:
         carried, up = carrying_poses([grip], displacement, self._task.silhouette, self._coarse)
         return carried[0], up[0]
 
-    def _carry(self, grip: Grip, poses: _Ways) -> None:
+    def _carry(self, grip: Grip, poses: _Poses) -> None:
         ways = follow_carrying(self._robot, grip, poses, _COARSE_JOINT_STEP)
         self._check(ways, self._config.grasp.closed_width, "carry")
 

@@ -65,6 +65,11 @@ class JointPath:
         length = max(float(np.abs(np.asarray(end) - start).max()), 1e-9)
         return cls.through(joint_names, np.stack([start, end]), np.array([0.0, length]))
 
+    @property
+    def is_straight(self) -> bool:
+        """Whether it leads straight from one posture to another, as a spline through two does."""
+        return len(self.spline.x) == 2
+
     def positions(self, parameter: FloatArray | float) -> FloatArray:
         """Give joint positions at parameters (...), shape (..., n), radians."""
         return np.asarray(self.spline(parameter))

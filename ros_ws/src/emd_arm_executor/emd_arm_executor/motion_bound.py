@@ -43,6 +43,7 @@ class MotionBound:
             Metres, shape (..., P).
         """
         levers = self._levers if pairs is None else self._levers[pairs]
+        # Not turned @ levers.T, which BLAS would spread over all cores.
         travel: FloatArray = (levers @ turned[..., None])[..., 0]
         return travel
 

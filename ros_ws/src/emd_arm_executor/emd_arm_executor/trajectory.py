@@ -27,7 +27,7 @@ _FINE_CHECK = 1e-3
 _SPARE = 1e-3
 # How far to either side of a jump of the jerk it is looked at, seconds.
 _ASIDE = 2e-5
-# What `time_path` tries: widths of smoothing, and shares of acceleration and jerk.
+# What is tried: widths of smoothing, and shares of acceleration and jerk.
 _WINDOWS = (0.02, 0.035, 0.06)
 _SHARES = (1.0, 0.6)
 # A path on which no joint moves farther than this is no motion, radians.
@@ -93,8 +93,9 @@ def time_path(path: JointPath, limits: MotionLimits, max_speed: float | None = N
 
     The path gets a new parameter on which bends are long and straight parts short, so that one
     cruising speed suits both. Slowing a motion down by a factor k divides velocities by k,
-    accelerations by k^2 and jerks by k^3. So each trial takes limits of the path parameter,
+    accelerations by k^2 and jerks by k^3. So a trial takes limits of the path parameter,
     measures the joints' excess and scales it away exactly; the fastest of a few trials wins.
+    A straight path is even as it is.
 
     Args:
         path: The curve, n joints.
@@ -107,13 +108,11 @@ def time_path(path: JointPath, limits: MotionLimits, max_speed: float | None = N
     if np.ptp(path.positions(path.spline.x), axis=0).max() < _STILL:
         return TimedPath(path, PathProfile.standing())
     grid, slowness = _slowness(path, limits, max_speed)
-    if len(path.spline.x) == 2:
-        # Straight, so equally slow everywhere.
-        ends = path.positions(path.spline.x)
+    if path.is_straight:
         time = np.array([0.0, path.length * slowness.max()])
-        evened: Iterable[JointPath] = [JointPath.through(path.joint_names, ends, time)]
-    else:
-        evened = (_even_out(path, grid, slowness, window) for window in _WINDOWS)
+        even = JointPath.through(path.joint_names, path.positions(path.spline.x), time)
+        return _within(_fastest([even], limits), limits)
+    evened = (_even_out(path, grid, slowness, window) for window in _WINDOWS)
     return _within(_fastest(evened, limits), limits)
 
 
@@ -177,7 +176,7 @@ def _even_out(path: JointPath, grid: FloatArray, slowness: FloatArray, window: f
 
 
 def _fastest(paths: Iterable[JointPath], limits: MotionLimits, start: float = 0.0) -> TimedPath:
-    """Time evened paths of one curve from `start` to the end; give the fastest motion.
+    """Time evened paths of one curve, at least one, from `start` on; give the fastest motion.
 
     Each path is tried at full speed with some shares of acceleration and jerk, and slowed down
     until the joints' limits hold. What is no faster before it is slowed need not be measured.

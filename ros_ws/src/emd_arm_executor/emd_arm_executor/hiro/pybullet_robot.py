@@ -72,7 +72,11 @@ class PyBulletRobot:
         )
 
     def joint_states(self, joints: slice = slice(None)) -> NDArray[np.float64]:
-        """Positions, velocities and servo torques of J joints, shape (3, J): rad, rad/s, Nm."""
+        """Positions, velocities and servo torques, shape (3, J): rad, rad/s, Nm.
+
+        Args:
+            joints: Which J of `JOINT_NAMES`.
+        """
         states = pybullet.getJointStates(
             self.body, self._joint_index[joints], physicsClientId=self._client
         )

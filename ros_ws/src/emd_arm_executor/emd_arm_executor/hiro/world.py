@@ -177,9 +177,9 @@ class HiroWorld:
 
     @property
     def joint_states(self) -> FloatArray:
-        """Measured positions, velocities and torques of the servos in the last step.
+        """Positions and velocities measured now, and the servos' torques in the last step.
 
-        Shape (3, 23): radians, rad/s, Nm.
+        Shape (3, 23): radians, rad/s, Nm. PyBullet is asked each time.
         """
         return self._robot.joint_states()
 

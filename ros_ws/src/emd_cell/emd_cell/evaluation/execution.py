@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from typing import Any
 
@@ -105,42 +105,7 @@ def perform(
     rng = np.random.default_rng([seed, *hashlib.sha256(f"{task.name}{name}".encode()).digest()])
     cloth = Cloth.from_positions(task.start, preset.cloth)
     goal, idle = task.grid(task.goal), task.grid(cloth.positions_in_table)
-    spacing = max(preset.cloth.spacing)
-    plan_ms, failure, executable, figures = 0.0, "", True, None
-    left: tuple[Manipulation, ...] = ()
-    done: list[Manipulation] = []
-    states = [cloth.positions_in_table]
-    reach = reach or ReachConfig()
-    regions = [np.array(reach.left), np.array(reach.right)]
-    for step in range(task.steps):
-        if mode == "replan" or step == 0:
-            problem = Problem(
-                task.grid(cloth.positions_in_table),
-                goal,
-                task.steps - step,
-                task.recorded[step:],
-                spacing,
-                rng,
-                partial(_tried_out, task, cloth, preset),
-            )
-            proposal = rival.propose(problem)
-            left = proposal.manipulations
-            if step == 0:
-                plan_ms, figures = proposal.planning_ms, proposal.figures
-            failure = failure or proposal.failure
-        if not left:
-            break
-        manipulation, left = unwrapped(left[0], cloth, task), left[1:]
-        executable = executable and within_reach(manipulation, regions)
-        try:
-            failed = manipulate(cloth, manipulation, preset.path).diagnostics.failure
-        except SimulationError as err:
-            failure = failure or str(err)
-            break
-        failure = failure or failed
-        if not failed and len(done) == step:
-            done.append(manipulation)
-            states.append(cloth.positions_in_table)
+    course = _carry_out(task, rival, mode, preset, cloth, rng, reach or ReachConfig())
     outcome = cloth.positions_in_table
     grid = task.grid(outcome)
     if name == "empty":
@@ -155,12 +120,78 @@ def perform(
         voxel_iou=voxel_iou(grid, goal),
         silhouette_iou=silhouette_iou(grid, goal),
         vertex_mm=1e3 * float(np.linalg.norm(outcome - task.goal, axis=1).mean()),
-        plan_ms=plan_ms,
-        executable=executable,
-        failure=failure,
-        figures=figures,
+        plan_ms=course.plan_ms,
+        executable=course.executable,
+        failure=course.failure,
+        figures=course.figures,
     )
-    return Performance(record, tuple(done), tuple(states), outcome)
+    return Performance(record, tuple(course.done), tuple(course.states), outcome)
+
+
+@dataclass
+class _Course:
+    """What has been planned and carried out of a task so far.
+
+    Attributes:
+        plan_ms: Time of the first plan, milliseconds.
+        figures: What the planner told of it.
+        failure: The first one; empty if there was none.
+        executable: Whether all manipulations were within reach.
+        done: Those that the simulation carried out, up to the first that failed.
+        states: Mid-surfaces before, between and after these, each (V, 3), metres.
+    """
+
+    plan_ms: float = 0.0
+    figures: PlanFigures | None = None
+    failure: str = ""
+    executable: bool = True
+    done: list[Manipulation] = field(default_factory=list)
+    states: list[FloatArray] = field(default_factory=list)
+
+
+def _carry_out(
+    task: Task,
+    rival: Rival,
+    mode: str,
+    preset: ClothPreset,
+    cloth: Cloth,
+    rng: np.random.Generator,
+    reach: ReachConfig,
+) -> _Course:
+    """Plan, as often as the mode says, and move the cloth by what was planned."""
+    course = _Course(states=[cloth.positions_in_table])
+    goal, regions = task.grid(task.goal), [np.array(reach.left), np.array(reach.right)]
+    left: tuple[Manipulation, ...] = ()
+    for step in range(task.steps):
+        if mode == "replan" or step == 0:
+            problem = Problem(
+                task.grid(cloth.positions_in_table),
+                goal,
+                task.steps - step,
+                task.recorded[step:],
+                max(preset.cloth.spacing),
+                rng,
+                partial(_tried_out, task, cloth, preset),
+            )
+            proposal = rival.propose(problem)
+            left = proposal.manipulations
+            if step == 0:
+                course.plan_ms, course.figures = proposal.planning_ms, proposal.figures
+            course.failure = course.failure or proposal.failure
+        if not left:
+            break
+        manipulation, left = unwrapped(left[0], cloth, task), left[1:]
+        course.executable = course.executable and within_reach(manipulation, regions)
+        try:
+            failed = manipulate(cloth, manipulation, preset.path).diagnostics.failure
+        except SimulationError as err:
+            course.failure = course.failure or str(err)
+            break
+        course.failure = course.failure or failed
+        if not failed and len(course.done) == step:
+            course.done.append(manipulation)
+            course.states.append(cloth.positions_in_table)
+    return course
 
 
 def _tried_out(

@@ -6,11 +6,13 @@ import os
 import sys
 import threading
 import time
+from collections.abc import Generator
 from pathlib import Path
+from typing import Any
 
 import cv2
 import rclpy
-from rclpy.executors import ExternalShutdownException, ShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
@@ -33,7 +35,7 @@ from emd_core.ros.parameters import declare_config
 from emd_core.ros.spin import alternate_threads
 
 ACCESS_FILE = "access.txt"
-_PAUSE = 5e-3  # seconds between callbacks
+_PAUSE = 5e-3  # seconds
 
 
 def make_console(node: Node) -> Console:
@@ -88,9 +90,9 @@ def serve(node: Node) -> None:
     require_free_port(console.policy.host, console.policy.port)
     for role, link in console.links().items():
         print(f"console for the {role}: {link}", flush=True)
-    spinner = SingleThreadedExecutor()
+    spinner = GatheringExecutor()
     spinner.add_node(node)
-    thread = threading.Thread(target=_spin, args=(spinner,), daemon=True)
+    thread = threading.Thread(target=spin, args=(spinner,), daemon=True)
     thread.start()
     try:
         make_server(make_app(console), console.policy.host, console.policy.port).run()
@@ -100,16 +102,23 @@ def serve(node: Node) -> None:
         console.store.close()
 
 
-def _spin(spinner: SingleThreadedExecutor) -> None:
-    """Spin until the end, with pauses in which messages gather.
+class GatheringExecutor(SingleThreadedExecutor):
+    """Lets messages gather before it looks for them.
 
-    Waiting costs the executor more than a message does, and many topics come in bursts.
+    Getting ready to wait costs rclpy more than a message does, and what arrives together is
+    taken together. Nothing that the console hears is urgent within milliseconds.
     """
+
+    def _wait_for_ready_callbacks(self, *args: Any, **kwargs: Any) -> Generator[Any, None, None]:
+        time.sleep(_PAUSE)
+        yield from super()._wait_for_ready_callbacks(*args, **kwargs)
+
+
+def spin(spinner: SingleThreadedExecutor) -> None:
+    """Spin until the spinner or its context is shut down."""
     try:
-        while True:
-            spinner.spin_once()
-            time.sleep(_PAUSE)
-    except (ExternalShutdownException, ShutdownException):
+        spinner.spin()
+    except ExternalShutdownException:
         return
 
 

@@ -32,7 +32,7 @@ class RenderConfig:
         light_direction: Towards the lamp, WAIST frame.
         ambient: Share of light from all around.
         lamp: Share of light from the lamp.
-        shadows: Whether the lamp throws shadows; they cost about a third of a picture's time.
+        shadows: Whether the lamp throws shadows; a picture without them takes less time.
         shadow_size: Pixels a side of the lamp's picture.
         shadow_extent: Metres a side of the lamp's picture, about the table frame's origin.
         solids: Whether to draw the robot's collision shapes instead of its looks.

@@ -47,7 +47,7 @@ def shade(
     depths: NDArray[np.float32],
     segmentation: NDArray[np.uint8],
 ) -> None:
-    """Light every pixel that shows a triangle; the others get the background's colour.
+    """Colour every pixel, and tell depth and segment of those that show a triangle.
 
     Args:
         keys: 1 / depth, shape (H, W), 1/m.
@@ -57,7 +57,7 @@ def shade(
         surface: The triangles, WAIST frame.
         wood: Texture of the table top.
         lighting: The lamp and its shadows.
-        background: RGB.
+        background: RGB of pixels that show no triangle.
         image: RGB, shape (H, W, 3); written to.
         depths: Along the optical axis, metres, shape (H, W); written to where a triangle is seen.
         segmentation: Part that each pixel shows, shape (H, W); likewise.
@@ -65,7 +65,7 @@ def shade(
     vertices, normals, triangles, colours, smooth, materials, segments = surface
     light, shadow_keys, to_shadow = lighting
     fx, fy, cx, cy = intrinsics
-    lamp_x, lamp_y, lamp_z, ambient, lamp = light
+    lamp_x, lamp_y, lamp_z, ambient, lamp_share = light
     # Scalars, not array elements: the compiler cannot know that `image` overlaps none of them.
     r00, r01, r02, tx = camera_to_waist[0]
     r10, r11, r12, ty = camera_to_waist[1]
@@ -106,7 +106,7 @@ def shade(
                 u = s00 * px + s01 * py + s02 * pz + su
                 v = s10 * px + s11 * py + s12 * pz + sv
                 key = s20 * px + s21 * py + s22 * pz + sk
-                brightness += lamp * facing * _visibility(u, v, key, shadow_keys)
+                brightness += lamp_share * facing * _visibility(u, v, key, shadow_keys)
             scale = 255.0 * brightness
             red, green, blue = paint
             if material == _WOOD and nz > 0.5:
