@@ -35,7 +35,7 @@ from emd_core.ros.parameters import declare_config
 from emd_core.ros.spin import alternate_threads
 
 ACCESS_FILE = "access.txt"
-_PAUSE = 5e-3  # seconds
+_PAUSE = 1e-2  # seconds
 
 
 def make_console(node: Node) -> Console:
