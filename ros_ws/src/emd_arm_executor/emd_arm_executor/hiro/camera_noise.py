@@ -225,10 +225,7 @@ def _seen_steeply(depth: DepthImage, intrinsics: FloatArray, cosine: float) -> N
             zu = (np.float64(here[column + 1]) - np.float64(here[column - 1])) * 0.5
             zv = (np.float64(below[column]) - np.float64(above[column])) * 0.5
             x = (column - cx) * inverse_fx
-            nx, ny = -zu * inverse_fy, -zv * inverse_fx
-            nz = z * inverse_fx * inverse_fy + x * zu * inverse_fy + y * zv * inverse_fx
-            along = nx * x + ny * y + nz
-            both = (nx * nx + ny * ny + nz * nz) * (x * x + y * y + 1.0)
+            along, both = _ray_and_normal(z, zu, zv, x, y, inverse_fx, inverse_fy)
             steep[row, column] = along * along >= least * both
     return steep
 
@@ -256,8 +253,19 @@ def _incidence(
     zu = (float(depth[row, right]) - float(depth[row, left])) * (0.5 if right - left == 2 else 1.0)
     zv = (float(depth[down, column]) - float(depth[up, column])) * (0.5 if down - up == 2 else 1.0)
     x, y = (column - cx) * inverse_fx, (row - cy) * inverse_fy
-    # Normal = dP/du x dP/dv of the point P = z (x, y, 1), up to a factor z.
+    along, both = _ray_and_normal(z, zu, zv, x, y, inverse_fx, inverse_fy)
+    return abs(along), both
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def _ray_and_normal(
+    z: float, zu: float, zv: float, x: float, y: float, inverse_fx: float, inverse_fy: float
+) -> tuple[float, float]:
+    """Scalar product of a pixel's ray (x, y, 1) and the surface's normal, and squared lengths'.
+
+    The normal is dP/du x dP/dv of the point P = z (x, y, 1), up to a factor z, where the depth z
+    grows by zu and zv from column to column and from row to row.
+    """
     nx, ny = -zu * inverse_fy, -zv * inverse_fx
     nz = z * inverse_fx * inverse_fy + x * zu * inverse_fy + y * zv * inverse_fx
-    along = abs(nx * x + ny * y + nz)
-    return along, (nx * nx + ny * ny + nz * nz) * (x * x + y * y + 1.0)
+    return nx * x + ny * y + nz, (nx * nx + ny * ny + nz * nz) * (x * x + y * y + 1.0)

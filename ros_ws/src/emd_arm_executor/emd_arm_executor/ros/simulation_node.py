@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -27,6 +26,7 @@ from emd_arm_executor.hiro.overview import OverviewCamera
 from emd_arm_executor.hiro.trajectory_following import CommandedTrajectory
 from emd_arm_executor.hiro.world import HiroWorld
 from emd_arm_executor.ros.camera_publisher import CameraPublisher
+from emd_arm_executor.ros.simulation_config import SimulationConfig
 from emd_arm_executor.ros.truth_publisher import TruthPublisher
 from emd_core.errors import CellError
 from emd_core.ros import conversions
@@ -34,44 +34,6 @@ from emd_core.ros.heartbeat import Heartbeat
 from emd_core.ros.parameters import declare_config
 from emd_core.ros.quality_of_service import LATCHED
 from emd_core.simulated_cloth import SimulatedCloth
-
-
-@dataclass(frozen=True)
-class OverviewConfig:
-    """A second camera that films the scene from the side.
-
-    Attributes:
-        enabled: Whether it films.
-        rate: Pictures a simulated second.
-    """
-
-    enabled: bool = False
-    rate: float = 5.0
-
-
-@dataclass(frozen=True)
-class SimulationConfig:
-    """How the simulation runs.
-
-    Attributes:
-        seed: Of the camera's noise.
-        gui: Whether PyBullet opens its window.
-        noise: Whether the camera has a Kinect's noise.
-        real_time_factor: Simulated seconds a second at most; 0: as fast as possible.
-        step: Simulated seconds between two messages of /clock and joint_states.
-        camera_rate: Pairs of images a simulated second.
-        truth_rate: True voxel grids and cloth states a simulated second.
-        overview: The second camera.
-    """
-
-    seed: int = 0
-    gui: bool = False
-    noise: bool = True
-    real_time_factor: float = 1.0
-    step: float = 1.0 / 60.0
-    camera_rate: float = 12.0
-    truth_rate: float = 5.0
-    overview: OverviewConfig = field(default_factory=OverviewConfig)
 
 
 class SimulationNode(Node):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -21,7 +20,6 @@ from emd_core.ros.quality_of_service import LATCHED
 from emd_core.ros.results import set_error
 from emd_core.ros.spin import spin_node
 from emd_core.ros.worker import SingleWorker
-from emd_core.value_ranges import bounded, check_ranges
 from emd_msgs_py.srv import CaptureState
 from emd_perception.calibration.calibration import Calibration
 from emd_perception.calibration.check import CheckConfig
@@ -34,6 +32,7 @@ from emd_perception.ros.frame_buffer import FrameBuffer
 from emd_perception.ros.frame_decoder import FrameDecoder
 from emd_perception.ros.frame_pair import FramePair
 from emd_perception.ros.frame_source import FrameSource
+from emd_perception.ros.node_config import AT_START, PerceptionNodeConfig
 from emd_perception.ros.perception_publisher import PerceptionPublisher, perception_messages
 from emd_perception.session import PerceptionSession
 from emd_perception.stream_statistics import StreamStatistics
@@ -42,42 +41,6 @@ from emd_perception.table_watch import TableWatch
 from emd_perception.warm_up import prepare
 
 _HEALTH_PERIOD = 1.0  # seconds
-_AT_START = ("reliable", "sync_tolerance", "calibration")
-
-
-@dataclass(frozen=True)
-class PerceptionNodeConfig:
-    """How the node takes frames.
-
-    Attributes:
-        max_rate: Frames processed a second at most while streaming; 0: as many as it can.
-        reliable: Whether lost images are sent again. Without, any camera driver will do, but on a
-            busy machine images are lost: one is larger than Fast DDS's shared memory. Set at
-            the start.
-        sync_tolerance: Largest difference of the stamps of colour and depth, seconds. Set at the
-            start.
-        capture_frames: Depth frames that a capture fuses unless the request says otherwise.
-        capture_timeout: Seconds that a capture waits for them unless the request says otherwise.
-        camera_timeout: Seconds without a pair of images after which the camera counts as lost.
-        calibration: File that `./cell calibrate` wrote; it goes before the topic camera/pose.
-            Set at the start.
-    """
-
-    max_rate: float = bounded(30.0, 0.0, 1000.0)
-    reliable: bool = False
-    sync_tolerance: float = bounded(0.02, 0.0, 1.0)
-    capture_frames: int = bounded(10, 1, 1000)
-    capture_timeout: float = bounded(40.0, 0.1, 3600.0)
-    camera_timeout: float = bounded(2.0, 0.1, 3600.0)
-    calibration: str = ""
-
-    def __post_init__(self) -> None:
-        """Check the ranges.
-
-        Raises:
-            InvalidInputError: If a value is out of its range.
-        """
-        check_ranges(self)
 
 
 class PerceptionNode(Node):
@@ -129,7 +92,7 @@ class PerceptionNode(Node):
         )
 
     def _check_change(self, wanted: PerceptionNodeConfig) -> None:
-        for name in _AT_START:
+        for name in AT_START:
             if getattr(wanted, name) != getattr(self._config.value, name):
                 raise InvalidInputError(f"node.{name} is set when the node starts; start it anew")
 
