@@ -7,7 +7,8 @@ more of one machine than the cell itself. What they cost is measured side by sid
 turn, without a console, with one that nobody looks at, and with ten viewers: simulated seconds a
 second of the wall clock (`pace`, 1 on an idle machine), the time of one and the same plan, and the
 console's share of a core. Where other work disturbs pace and times, the last one tells more: a
-cell that fills the whole processor is slowed by `processor_share_with_viewers`. At last memory is
+cell that fills the whole processor is slowed by `processor_share_with_viewers`; the viewers here
+take `cores_of_viewers` of the same machine, which they would not elsewhere. At last memory is
 watched while ten viewers look, for `--minutes`.
 """
 
@@ -127,6 +128,7 @@ def _costs(rows: list[dict[str, Any]]) -> dict[str, float]:
         "pace_with_viewers_over_without": median(VIEWERS, "pace") / median(None, "pace"),
         "plan_time_with_console_over_without": median(0, "plan_s") / median(None, "plan_s"),
         "plan_time_with_viewers_over_without": median(VIEWERS, "plan_s") / median(None, "plan_s"),
+        "cores_of_viewers": median(VIEWERS, "benchmark_cores") - median(0, "benchmark_cores"),
         "cores_with_console": median(0, "cores"),
         "cores_with_viewers": median(VIEWERS, "cores"),
         "processor_share_with_viewers": median(VIEWERS, "cores") / (os.cpu_count() or 1),
@@ -134,11 +136,13 @@ def _costs(rows: list[dict[str, Any]]) -> dict[str, float]:
 
 
 def _work(client: CellClient, start: VoxelGrid) -> dict[str, float]:
-    """The simulation's pace, and the seconds that one and the same plan takes."""
+    """The simulation's pace, the seconds of one and the same plan, and what we take meanwhile."""
+    begun, used = time.monotonic(), time.process_time()
     pace = _pace(client, SECONDS)
     goal = neat_goal("diagonal").grid
     seconds = [client.plan(start, goal, 1, seed=0).planning_ms / 1e3 for _ in range(PLANS)]
-    return {**pace, "plan_s": statistics.median(seconds)}
+    ours = (time.process_time() - used) / (time.monotonic() - begun)
+    return {**pace, "plan_s": statistics.median(seconds), "benchmark_cores": ours}
 
 
 def _with_share(process: int, measure: Callable[[], dict[str, float]]) -> dict[str, float]:

@@ -90,6 +90,7 @@ def targets(robot: RobotModel) -> FloatArray:
     return arm.chain.forward(np.random.default_rng(3).uniform(arm.lower, arm.upper, (40, 6)))
 
 
+@pytest.mark.slow
 def test_every_branch_of_the_exact_search_is_found(robot: RobotModel, targets: FloatArray) -> None:
     """Of all branches that an independent search finds, the restarts find 98 in 100 and more.
 

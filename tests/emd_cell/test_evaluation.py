@@ -163,6 +163,7 @@ def test_what_is_tried_out_comes_so_and_leaves_no_trace(tasks: list[Task]) -> No
     np.testing.assert_allclose(outcome, task.start, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_trying_plans_out_is_no_worse(tasks: list[Task], monkeypatch: pytest.MonkeyPatch) -> None:
     """Of several plans the one that turns out best; the first of them is the net's choice."""
     net, config = load_net(), replace(PLANNERS["ours"], restarts=3, candidates=8, max_iterations=2)

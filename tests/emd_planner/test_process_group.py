@@ -57,6 +57,7 @@ def test_tensors_are_averaged_over_processes(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_two_processes_train_one_net(shard_directory: Path, tmp_path: Path) -> None:
     """Twice the same weights, other ones than one process makes, and one checkpoint."""
     script, weights = tmp_path / "trains.py", []

@@ -121,6 +121,7 @@ def cut_off(store, item, message, raw: bytes) -> bytes:
     return raw[:100] if item.topic == TOPICS.depth else raw
 
 
+@pytest.mark.slow
 def test_two_replays_give_the_same_grids(bag, client, tmp_path) -> None:
     """Every recorded pair is played; the grids are equal bit by bit and show the cloth."""
     outs = [tmp_path / name for name in ("first", "second")]
