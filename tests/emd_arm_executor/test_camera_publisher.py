@@ -8,8 +8,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
-import rclpy
-from own_domain import own_domain
+from own_domain import own_context
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -98,16 +97,13 @@ def wait_until(holds: Callable[[], bool]) -> None:
 @pytest.fixture
 def studio() -> Iterator[Studio]:
     """A graph in a domain of its own."""
-    context = Context()
-    with own_domain() as number:
-        rclpy.init(context=context, domain_id=number)
+    with own_context() as context:
         made = Studio(context)
         yield made
         made.camera.may_draw.set()
         made.publisher.close()
         for node in made.nodes:
             node.destroy_node()
-        rclpy.try_shutdown(context=context)
 
 
 def test_the_simulation_does_not_wait_for_the_picture(studio: Studio) -> None:

@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
-import rclpy
-from own_domain import own_domain
+from own_domain import own_context
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -69,13 +68,10 @@ class Graph:
 @pytest.fixture
 def graph() -> Iterator[Graph]:
     """A graph in a domain of its own."""
-    context = Context()
-    with own_domain() as number:
-        rclpy.init(context=context, domain_id=number)
+    with own_context() as context:
         made = Graph(context)
         yield made
         made.close()
-        rclpy.try_shutdown(context=context)
 
 
 def square(_: CaptureState.Request, response: CaptureState.Response) -> CaptureState.Response:

@@ -6,9 +6,7 @@ import threading
 import time
 from collections.abc import Callable
 
-import rclpy
-from own_domain import own_domain
-from rclpy.context import Context
+from own_domain import own_context
 from rclpy.node import Node
 from std_msgs.msg import Int32
 
@@ -19,9 +17,7 @@ COUNT = 40
 
 def test_all_that_gathers_is_taken_and_the_end_is_heard() -> None:
     """A burst on two topics arrives whole and in order; shutting down ends the thread."""
-    context = Context()
-    with own_domain() as number:
-        rclpy.init(context=context, domain_id=number)
+    with own_context() as context:
         node, other = (Node(name, context=context) for name in ("console", "cell"))
         heard: dict[str, list[int]] = {"a": [], "b": []}
         for topic, values in heard.items():
@@ -42,7 +38,6 @@ def test_all_that_gathers_is_taken_and_the_end_is_heard() -> None:
         assert not thread.is_alive()
         node.destroy_node()
         other.destroy_node()
-        rclpy.try_shutdown(context=context)
 
 
 def _wait(holds: Callable[[], bool]) -> None:
