@@ -18,7 +18,7 @@ def test_periodic_padding_equals_torchs():
 def test_layers_compute_in_the_type_of_their_input():
     """Weights are float32, the maps of either type."""
     maps = torch.rand(2, 8, 4, 4)
-    for layer in (Pointwise(8, 8), Halve(8, 8), Double(8, 8), Residual(8)):
+    for layer in (Pointwise(8, 8), Halve(8, 8), Double(8, 8), Residual(8, (4, 4))):
         exact, coarse = layer(maps), layer(maps.bfloat16())
         assert coarse.dtype == torch.bfloat16
         torch.testing.assert_close(coarse.float(), exact, atol=0.03, rtol=0.03)
@@ -34,4 +34,4 @@ def test_halving_and_doubling_change_the_resolution():
 def test_a_residual_block_begins_as_the_identity():
     """Until it is trained."""
     maps = torch.rand(1, 3, 8, 4)
-    torch.testing.assert_close(Residual(3)(maps), maps)
+    torch.testing.assert_close(Residual(3, (8, 4))(maps), maps)

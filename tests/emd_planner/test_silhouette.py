@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import torch
 
-from emd_planner.silhouette import columns_of, onto_silhouette
+from emd_planner.silhouette import (
+    columns_of,
+    dilate,
+    near_cloth,
+    onto_silhouette,
+    outside_cloth,
+)
 
 
 def _middle(*columns: int) -> torch.Tensor:
@@ -38,3 +44,16 @@ def test_edges_are_those_of_wrapped_cloth() -> None:
     assert torch.equal(onto_silhouette(points, torch.zeros_like(cloth)), points)
     columns = columns_of(onto_silhouette(points, cloth), 32)
     assert cloth[columns[:, 0], columns[:, 1]].all()
+
+
+def test_near_cloth_is_on_the_widened_silhouette():
+    """For points anywhere, beyond the edge at which grids wrap too."""
+    generator = torch.Generator().manual_seed(0)
+    cloth = torch.rand(6, 2, 32, 32, generator=generator) < 0.02
+    points = 3.0 * torch.rand(6, 2, 5, 2, generator=generator) - 1.5
+    for voxels in (0, 1, 2):
+        wide = dilate(cloth, voxels)
+        wanted = [~outside_cloth(points[..., i, :], wide) for i in range(5)]
+        found = near_cloth(points, cloth, voxels)
+        assert torch.equal(found, torch.stack(wanted, -1))
+        assert found.any() and not found.all()

@@ -9,7 +9,7 @@ from emd_core.errors import InvalidInputError
 from emd_planner.architectures import architecture_of, make_net
 from emd_planner.emd_net import EmdNet
 from emd_planner.net_config import EmdNetConfig, SpatialNetConfig
-from emd_planner.spatial_net import SpatialEmdNet, _sample
+from emd_planner.spatial_net import SpatialEmdNet, _on_rim, _sample
 from emd_planner.weights import load_net, save_net
 
 SMALL = SpatialNetConfig(widths=(8, 12, 16), moved_width=4, coarse_blocks=1)
@@ -90,7 +90,7 @@ def test_maps_are_read_at_their_cells_and_across_the_rim():
     """At a centre the cell itself; half-way over the rim the mean of the first and the last."""
     maps = torch.rand(1, 1, 4, 4)
     places = torch.tensor([[[[-0.75, 0.25], [1.0, -0.75], [1.25, 0.25]]]])
-    read = _sample(maps, places).flatten()
+    read = _sample(maps, _on_rim(places, (4, 4))).flatten()
     grid = maps[0, 0]
     expected = [grid[0, 2], 0.5 * (grid[3, 0] + grid[0, 0]), grid[0, 2]]
     torch.testing.assert_close(read, torch.stack(expected))

@@ -48,6 +48,7 @@ class PolygonReach(ArmReach, Region):
     def __init__(self, corners: Tensor) -> None:
         """Keep the corners, counter-clockwise, shape (N, 2), normalised."""
         self._corners = corners
+        self._edges = corners.roll(-1, 0) - corners
 
     def excess(self, grasps: Tensor, moves: Tensor) -> Tensor:
         """Sum the distances of grasps and releases from the polygon."""
@@ -63,10 +64,9 @@ class PolygonReach(ArmReach, Region):
 
     def nearest(self, point: Tensor) -> Tensor:
         """Give the nearest place (2,), a little inside the border if the point is beyond it."""
-        corners = self._corners
-        if self.distance(point) == 0.0:
+        corners, edges = self._corners, self._edges
+        if (cross(edges, point - corners) >= 0.0).all():
             return point
-        edges = corners.roll(-1, 0) - corners
         along = ((point - corners) * edges).sum(-1) / edges.square().sum(-1).clamp_min(1e-12)
         places = corners + along.clamp(0.0, 1.0)[:, None] * edges
         nearest = places[(places - point).square().sum(-1).argmin()]

@@ -29,7 +29,7 @@ class Pointwise(nn.Conv2d):
 
     def forward(self, maps: Tensor) -> Tensor:
         """Convolve."""
-        return _convolve(maps, self)
+        return _apply(self, channels_last(maps).permute(0, 2, 3, 1))
 
 
 class Halve(nn.Conv2d):
@@ -41,7 +41,9 @@ class Halve(nn.Conv2d):
 
     def forward(self, maps: Tensor) -> Tensor:
         """Convolve."""
-        return _convolve(maps, self)
+        cells = channels_last(maps).permute(0, 2, 3, 1)
+        blocks = cells.unflatten(2, (-1, 2)).unflatten(1, (-1, 2)).transpose(2, 3)
+        return _apply(self, blocks.flatten(3))
 
 
 class Double(nn.Module):
@@ -58,14 +60,24 @@ class Double(nn.Module):
 
 
 class Residual(nn.Module):
-    """Two periodic 3 x 3 convolutions, added; at first they add nothing."""
+    """Two periodic 3 x 3 convolutions, added; at first they add nothing.
 
-    def __init__(self, width: int) -> None:
+    Attributes:
+        cells: Of the maps that it is made for, along x and y.
+    """
+
+    def __init__(self, width: int, cells: tuple[int, int]) -> None:
         """Make a block with random weights, but for the last layer's, which are 0."""
         super().__init__()
+        self.cells = cells
         self.first = nn.Conv2d(width, width, 3)
         self.second = nn.Conv2d(width, width, 3)
         start_at_zero(self.second)
+
+    @property
+    def layers(self) -> tuple[nn.Conv2d, nn.Conv2d]:
+        """The two convolutions in their order."""
+        return self.first, self.second
 
     def forward(self, maps: Tensor) -> Tensor:
         """Add what the convolutions give."""
@@ -123,3 +135,13 @@ def _convolve(maps: Tensor, layer: nn.Conv2d) -> Tensor:
     weight = layer.weight.to(kind, memory_format=torch.channels_last)
     bias = None if layer.bias is None else layer.bias.to(kind)
     return functional.conv2d(channels_last(maps), weight, bias, layer.stride)
+
+
+def _apply(layer: nn.Conv2d, patches: Tensor) -> Tensor:
+    """Convolve by one product: patches (B, X, Y, N), one for each cell, to maps (B, C, X, Y).
+
+    On a CPU that is faster than the convolution of few small maps.
+    """
+    weight = layer.weight.to(patches.dtype).permute(0, 2, 3, 1).flatten(1)
+    bias = None if layer.bias is None else layer.bias.to(patches.dtype)
+    return functional.linear(patches, weight, bias).permute(0, 3, 1, 2)

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from emd_planner.losses import state_loss
 from emd_planner.reach import ReachLoss
-from emd_planner.silhouette import dilate, outside_cloth, silhouettes
+from emd_planner.silhouette import dilate, near_cloth, silhouettes
 
 # Maps predicted states (A, n, X, Y, Z) and manipulations (A, n, 6) to costs (A,).
 Term = Callable[[Tensor, Tensor], Tensor]
@@ -178,6 +178,5 @@ def grasps_cloth(manipulations: Tensor, states: Tensor, tolerance_voxels: int) -
     Returns:
         Boolean, shape (..., 2).
     """
-    wide = dilate(silhouettes(states), tolerance_voxels)
     points = manipulations[..., :4].unflatten(-1, (2, 2))
-    return ~torch.stack([outside_cloth(points[..., hand, :], wide) for hand in range(2)], dim=-1)
+    return near_cloth(points, silhouettes(states), tolerance_voxels)

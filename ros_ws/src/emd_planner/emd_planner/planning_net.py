@@ -7,25 +7,29 @@ from weakref import WeakKeyDictionary
 
 import torch
 
+from emd_planner.fixed_blocks import fix_residuals
 from emd_planner.state_predictor import StatePredictor
 
-# What a copy was made of: bfloat16 asked for, and how often each parameter had been changed.
-_Origin = tuple[bool, tuple[int, ...]]
-_converted: WeakKeyDictionary[StatePredictor, tuple[_Origin, StatePredictor]] = WeakKeyDictionary()
+# Copies by whether they are in bfloat16, each with how often each parameter had been changed.
+_Converted = dict[bool, tuple[tuple[int, ...], StatePredictor]]
+_converted: WeakKeyDictionary[StatePredictor, _Converted] = WeakKeyDictionary()
 
 
 def planning_copy(net: StatePredictor, bfloat16: bool) -> StatePredictor:
     """Copy a net, with weights and layers in bfloat16 if asked to and where that is faster.
 
-    The weights' type and order in memory are converted once for a net, rather than for every plan
+    In float32 on a CPU its residual blocks become fixed ones (`emd_planner.fixed_blocks`). All
+    this is converted once for a net, rather than for every plan
     or at every layer of every iteration. Copies share them and must not change them; hooks on the
     layers are each copy's own.
     """
-    origin = (bfloat16, tuple(parameter._version for parameter in net.parameters()))
-    known, converted = _converted.get(net, (None, net))
-    if known != origin:
-        converted = _convert(net, bfloat16)
-        _converted[net] = (origin, converted)
+    coarse = bfloat16 and multiplies_bfloat16(next(net.parameters()).device)
+    changes = tuple(parameter._version for parameter in net.parameters())
+    copies = _converted.setdefault(net, {})
+    known, converted = copies.get(coarse, (None, net))
+    if known != changes:
+        converted = _convert(net, coarse)
+        copies[coarse] = (changes, converted)
     return copy.deepcopy(converted, {id(p): p for p in converted.parameters()})
 
 
@@ -34,9 +38,11 @@ def _convert(net: StatePredictor, bfloat16: bool) -> StatePredictor:
     for parameter in copied.parameters():
         if parameter.ndim == 4:
             parameter.data = parameter.data.contiguous(memory_format=torch.channels_last)
-    if bfloat16 and multiplies_bfloat16(next(net.parameters()).device):
+    if bfloat16:
         copied = copied.to(torch.bfloat16)
         copied.compute_type = torch.bfloat16
+    elif next(net.parameters()).device.type == "cpu":
+        fix_residuals(copied)
     return copied
 
 

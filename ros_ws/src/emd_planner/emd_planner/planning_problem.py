@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -76,8 +77,8 @@ class PlanningProblem:
         Raises:
             InvalidInputError: If something hides all of the cloth, or a region is not convex.
         """
-        self._net, self._config = net, config
-        self._fast_net = planning_copy(net, config.bfloat16)
+        self._config = config
+        self._net, self._fast_net = (planning_copy(net, fast) for fast in (False, config.bfloat16))
         ask_between_layers(self._fast_net, lambda: self._watch())
         self._watch: Callable[[], None] = lambda: None
         self._on_iteration = on_iteration
@@ -99,8 +100,8 @@ class PlanningProblem:
         limits = [1.0] * 4 + [config.max_displacement] * 2
         self._limits = torch.tensor(limits, device=self._device)
         with torch.no_grad():
-            self._code = net.encode(self._initial[None])
-            reconstruction = state_loss(net.decode(self._code), self._initial.float())
+            self._code = self._net.encode(self._initial[None])
+            reconstruction = state_loss(self._net.decode(self._code), self._initial.float())
         self._reconstruction_loss = float(reconstruction)
         self._cost = plan_cost(
             config,
@@ -160,24 +161,33 @@ class PlanningProblem:
         before any is given, and come in the order of the costs they have then; the others follow
         as the search ordered them.
         """
-        rows = (
+        rows = [
             values
             for values, cost in zip(found.values, found.costs, strict=True)
             if cost.isfinite()
-        )
-        adjusted = (self._best_way(values) for values in rows)
-        judged = [way for way in islice(adjusted, self._config.judged) if way is not None]
-        yield from sorted(judged, key=lambda candidate: candidate.cost)
-        yield from (way for way in adjusted if way is not None)
+        ]
+        judged = self._config.judged
+        if rows:
+            yield from sorted(self._best_ways(rows[:judged]), key=lambda candidate: candidate.cost)
+        for values in rows[judged:]:
+            yield from self._best_ways([values])
 
-    def _best_way(self, values: Tensor) -> Candidate | None:
-        """Adjust a sequence; where one of its first hands is beside the cloth, without it, too."""
-        options = [values]
+    def _best_ways(self, sequences: Sequence[Tensor]) -> list[Candidate]:
+        """Adjust sequences; where a first hand is just beside the cloth, without it, too.
+
+        Of these ways the cheapest is given for each sequence, none if none is left.
+        """
+        ways = [[values] for values in sequences]
         if self._config.grasp_on_cloth:
             tolerance = self._config.grasp_tolerance_voxels
-            options += without_doubtful_hand(values, silhouettes(self._graspable), tolerance)
-        ways = [way for option in options if (way := self._candidate(option)) is not None]
-        return min(ways, key=lambda candidate: candidate.cost, default=None)
+            for values, options in zip(sequences, ways, strict=True):
+                options += without_doubtful_hand(values, silhouettes(self._graspable), tolerance)
+        found = iter(self._candidates(torch.stack(list(itertools.chain(*ways)))))
+        best = []
+        for options in ways:
+            left = [way for way in islice(found, len(options)) if way is not None]
+            best += [min(left, key=lambda candidate: candidate.cost)] if left else []
+        return best
 
     def fold_plan(self, candidate: Candidate, elapsed_ms: float) -> FoldPlan:
         """Turn a candidate into the planner's answer."""
@@ -255,11 +265,10 @@ class PlanningProblem:
         if not self._config.keep_in_reach or reach is None or not len(folds):
             return folds
         hands = folds[:, :4].unflatten(1, (2, 2)).isfinite().all(2)
-        moved = [
-            into_reach(fold.nan_to_num(), used, reach, silhouette)
-            for fold, used in zip(folds, hands, strict=True)
-        ]
-        return torch.where(folds.isnan(), torch.nan, torch.stack(moved))
+        moved = folds.nan_to_num()
+        for row in (reach(moved, hands) > 0.0).nonzero().flatten().tolist():
+            moved[row] = into_reach(moved[row], hands[row], reach, silhouette)
+        return torch.where(folds.isnan(), torch.nan, moved)
 
     def _predict(self, values: Tensor) -> Tensor:
         """Predict states (A, n, X, Y, Z), those before the last without gradients."""
@@ -273,30 +282,41 @@ class PlanningProblem:
         return torch.cat([before.unflatten(0, (len(codes) - 1, -1)).transpose(0, 1), last], 1)
 
     @torch.no_grad()
-    def _candidate(self, values: Tensor) -> Candidate | None:
-        """Adjust a sequence (n, 6) and predict it with the net itself.
+    def _candidates(self, values: Tensor) -> list[Candidate | None]:
+        """Adjust sequences (K, n, 6) and predict them with the net itself.
 
-        None if a step of it grasps no cloth, the first one grasps where something hides the cloth,
-        or one leaves the reach in which it must be kept.
+        None for one of which a step grasps no cloth, the first one grasps where something hides
+        the cloth, or one leaves the reach in which it must be kept.
         """
+        values = values.clone()
+        states, used = self._foreseen(values)
+        rows = torch.arange(len(values), device=self._device)
         for _ in range(_ADJUSTMENTS):
             # A step that is adjusted may change which hands grasp in those that follow.
-            states, before, used = self._foreseen(values)
-            adjusted = self._adjusted(values, used, silhouettes(before))
-            if torch.equal(adjusted, values):
+            adjusted = self._adjusted(values[rows], used[rows], states[rows])
+            changed = (adjusted != values[rows]).flatten(1).any(1)
+            values[rows] = adjusted
+            rows = rows[changed]
+            if not len(rows):
                 break
-            values = adjusted
-        else:
-            states, _, used = self._foreseen(values)
+            states[rows], used[rows] = self._foreseen(values[rows])
+        costs = self._cost.total(states, values)
+        excess = torch.zeros_like(costs)
+        if self._cost.reach is not None:
+            excess = self._cost.reach(values, used).sum(1)
+        return [
+            self._candidate(*row) for row in zip(values, used, states, costs, excess, strict=True)
+        ]
+
+    def _candidate(
+        self, values: Tensor, used: Tensor, states: Tensor, cost: Tensor, excess: Tensor
+    ) -> Candidate | None:
         if not used.any(1).all() or self._is_hidden(values[0, :4].view(2, 2)[used[0]]):
             return None
-        cost = float(self._cost.total(states[None], values[None]))
-        excess = 0.0
-        if self._cost.reach is not None:
-            excess = float(self._cost.reach(values, used).sum())
-            if self._config.keep_in_reach and excess > 0.0:
-                return None
-        return Candidate(values, used, states, cost, excess * self._field_of_view.half_extent)
+        if self._config.keep_in_reach and excess > 0.0:
+            return None
+        metres = float(excess) * self._field_of_view.half_extent
+        return Candidate(values, used, states, float(cost), metres)
 
     def _known_columns(self, grid: VoxelGrid) -> Tensor | None:
         """Columns of a grid that nothing hides, boolean, shape (X, Y); None if that is all."""
@@ -311,28 +331,40 @@ class PlanningProblem:
         columns = columns_of(points, self._known.shape[-1])
         return not bool(self._known[columns[:, 0], columns[:, 1]].all())
 
-    def _foreseen(self, values: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Give the states after and before each manipulation, and which hands grasp."""
-        states = self._net.decode(torch.cat(self._net.roll_out(self._code, values[None])))
-        before = states_before(self._graspable, states[None], self._config.threshold)[0]
-        tolerance = self._config.grasp_tolerance_voxels
-        return states, before, grasps_cloth(values, before, tolerance)
+    def _foreseen(self, values: Tensor) -> tuple[Tensor, Tensor]:
+        """Give the states after each manipulation of sequences (K, n, 6), and which hands grasp.
 
-    def _adjusted(self, values: Tensor, used: Tensor, cloth: Tensor) -> Tensor:
+        Returns:
+            Shape (K, n, X, Y, Z), and boolean (K, n, 2).
+        """
+        code = self._code.expand(len(values), *self._code.shape[1:])
+        codes = torch.stack(self._net.roll_out(code, values), 1)
+        states = self._net.decode(codes.flatten(0, 1)).unflatten(0, codes.shape[:2])
+        tolerance = self._config.grasp_tolerance_voxels
+        return states, grasps_cloth(values, self._before(states), tolerance)
+
+    def _before(self, states: Tensor) -> Tensor:
+        """Give the states before each manipulation, boolean, of those after, (K, n, X, Y, Z)."""
+        return states_before(self._graspable, states, self._config.threshold)
+
+    def _adjusted(self, values: Tensor, used: Tensor, states: Tensor) -> Tensor:
         """Move grasps onto the cloth that is seen, and all into reach, as the config says.
 
         Args:
-            values: Shape (n, 6).
-            used: Boolean, shape (n, 2).
-            cloth: Silhouettes before each step, boolean, shape (n, X, Y).
+            values: Shape (K, n, 6).
+            used: Boolean, shape (K, n, 2).
+            states: After each step, shape (K, n, X, Y, Z).
         """
         values = values.clone()
         if self._config.grasp_on_cloth:
-            points, hands = values[0, :4].view(2, 2), used[0]
-            points[hands] = onto_silhouette(points[hands], cloth[0])
-        if self._config.keep_in_reach and self._cost.reach is not None:
-            for step in range(len(values)):
-                values[step] = into_reach(values[step], used[step], self._cost.reach, cloth[step])
+            points, hands = values[:, 0, :4].unflatten(1, (2, 2)), used[:, 0]
+            points[hands] = onto_silhouette(points[hands], silhouettes(self._graspable))
+        reach = self._cost.reach
+        if self._config.keep_in_reach and reach is not None:
+            cloth = silhouettes(self._before(states))
+            for row, step in (reach(values, used) > 0.0).nonzero().tolist():
+                place = row, step
+                values[place] = into_reach(values[place], used[place], reach, cloth[place])
         return values
 
 

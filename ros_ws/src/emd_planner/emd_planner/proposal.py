@@ -99,17 +99,18 @@ class ProposalHead(nn.Module):
         super().__init__()
         fine, middle, coarse = config.proposal_widths
         blocks, components = config.proposal_blocks, config.proposals
+        half, quarter = (cells[0] // 2, cells[1] // 2), (cells[0] // 4, cells[1] // 4)
         self.trunk = nn.Sequential(
             Pointwise(3 * width, fine),
-            *(Residual(fine) for _ in range(blocks)),
+            *(Residual(fine, cells) for _ in range(blocks)),
             Halve(fine, middle),
-            *(Residual(middle) for _ in range(blocks)),
+            *(Residual(middle, half) for _ in range(blocks)),
             Halve(middle, coarse),
-            *(Residual(coarse) for _ in range(blocks)),
+            *(Residual(coarse, quarter) for _ in range(blocks)),
             nn.ReLU(),
             nn.Flatten(),
         )
-        seen = coarse * (cells[0] // 4) * (cells[1] // 4)
+        seen = coarse * quarter[0] * quarter[1]
         self.hidden = Dense(seen + _LONGEST, config.proposal_hidden)
         self.out = Dense(config.proposal_hidden, components * (2 + 2 * _VALUES))
         with torch.no_grad():  # the parts of the mixture begin at different places

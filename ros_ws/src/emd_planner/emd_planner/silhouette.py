@@ -77,3 +77,24 @@ def outside_cloth(points: Tensor, silhouette: Tensor) -> Tensor:
     columns = columns_of(points, silhouette.shape[-1])
     flat = columns[..., 0] * silhouette.shape[-1] + columns[..., 1]
     return ~silhouette.flatten(-2).gather(-1, flat[..., None]).squeeze(-1)
+
+
+def near_cloth(points: Tensor, silhouette: Tensor, voxels: int) -> Tensor:
+    """Whether points lie outside the cloth by no more than whole voxels along x and y, wrapped.
+
+    The same as looking the points up in the silhouette widened by `dilate`, in less time.
+
+    Args:
+        points: Normalised, shape (..., P, 2).
+        silhouette: Boolean, shape (..., X, Y), X = Y, leading axes as those of the points.
+        voxels: How far.
+
+    Returns:
+        Boolean, shape (..., P).
+    """
+    count = silhouette.shape[-1]
+    steps = torch.arange(-voxels, voxels + 1, device=points.device)
+    around = (columns_of(points, count)[..., None] + steps) % count  # (..., P, 2, S)
+    flat = around[..., 0, :, None] * count + around[..., 1, None, :]
+    found = silhouette.flatten(-2).gather(-1, flat.flatten(-3))
+    return found.view(flat.shape).flatten(-2).any(-1)

@@ -9,6 +9,7 @@ fold line, the perpendicular bisector of grasp and release, which is where folde
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import cast
 
 import torch
@@ -22,6 +23,7 @@ from emd_planner.convolution_blocks import (
     Pointwise,
     Residual,
     channels_last,
+    periodic_rim,
     start_at_zero,
 )
 from emd_planner.net_config import SpatialNetConfig
@@ -42,16 +44,15 @@ class SpatialEmdNet(StatePredictor):
         """Make a net with initial weights drawn from `seed`."""
         super().__init__(config or SpatialNetConfig())
         x, y, layers = self.config.grid_size
-        width = self.config.widths[0]
+        width, cells = self.config.widths[0], (x // 2, y // 2)
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
-            self.encoder = nn.Sequential(Pointwise(4 * layers, width), Residual(width))
+            self.encoder = nn.Sequential(Pointwise(4 * layers, width), Residual(width, cells))
             self.manipulation = _ManipulationModule(self.config)
             last = Pointwise(width, 4 * layers)
-            self.decoder = nn.Sequential(Residual(width), last)
+            self.decoder = nn.Sequential(Residual(width, cells), last)
             self.proposal: ProposalHead | None = None
             if self.config.proposals > 0:
-                cells = (x // 2, y // 2)
                 self.proposal = ProposalHead(width, cells, self.config)
         cast(Tensor, last.bias).data.fill_(self.config.output_bias)
 
@@ -62,7 +63,20 @@ class SpatialEmdNet(StatePredictor):
 
     def manipulate(self, codes: Tensor, manipulations: Tensor) -> Tensor:
         """Predict the codes after one manipulation: M(c, m) (III-A)."""
-        return self.manipulation(codes, manipulations, self.compute_type)
+        hands = _hands(manipulations, (codes.shape[2], codes.shape[3]))
+        return self.manipulation(codes, hands, self.compute_type)
+
+    def roll_out(self, codes: Tensor, manipulations: Tensor) -> list[Tensor]:
+        """Apply the manipulation module recurrently; see `StatePredictor.roll_out`."""
+        predicted: list[Tensor] = []
+        steps = manipulations.shape[1]
+        if steps == 0:
+            return predicted
+        cells = (codes.shape[2], codes.shape[3])
+        for hands in _hands(manipulations.transpose(0, 1).flatten(0, 1), cells).split(steps):
+            codes = self.manipulation(codes, hands, self.compute_type)
+            predicted.append(codes)
+        return predicted
 
     def propose(self, codes: Tensor, goals: Tensor, steps: Tensor) -> Proposals | None:
         """Guess manipulations; see `StatePredictor.propose`."""
@@ -82,23 +96,27 @@ class _ManipulationModule(nn.Module):
     def __init__(self, config: SpatialNetConfig) -> None:
         super().__init__()
         fine, middle, coarse = config.widths
+        x, y, _ = config.grid_size
+        half, quarter, eighth = ((x // n, y // n) for n in (2, 4, 8))
         self.touch = nn.Sequential(Dense(2 * fine + 3, middle), nn.ReLU(), Dense(middle, 2 * fine))
         self.moved = Pointwise(fine, config.moved_width)
         self.hand = Pointwise(config.moved_width + _MAPS_PER_HAND, fine)
         self.sheet = Pointwise(fine + config.moved_width, fine)
-        self.first = Residual(fine)
+        self.first = Residual(fine, half)
         self.halved = nn.ModuleList([Halve(fine, middle), Halve(middle, coarse)])
-        self.before = Residual(middle)
-        self.middle = nn.Sequential(*(Residual(coarse) for _ in range(config.coarse_blocks)))
+        self.before = Residual(middle, quarter)
+        self.middle = nn.Sequential(
+            *(Residual(coarse, eighth) for _ in range(config.coarse_blocks))
+        )
         self.doubled = nn.ModuleList([Double(coarse, middle), Double(middle, fine)])
-        self.after = Residual(middle)
-        self.last = Residual(fine)
+        self.after = Residual(middle, quarter)
+        self.last = Residual(fine, half)
         self.change = Pointwise(fine, fine)
         start_at_zero(self.change)
 
-    def forward(self, codes: Tensor, manipulations: Tensor, kind: torch.dtype) -> Tensor:
-        """Predict codes (B, C, H, W), float32, after manipulations (B, 6)."""
-        maps = self._seen(codes.float(), manipulations, kind)
+    def forward(self, codes: Tensor, hands: _Hands, kind: torch.dtype) -> Tensor:
+        """Predict codes (B, C, H, W), float32, after a manipulation of each."""
+        maps = self._seen(codes.float(), hands, kind)
         fine = self.first(maps)
         middle = self.before(self.halved[0](fine))
         coarse = self.middle(self.halved[1](middle))
@@ -106,47 +124,77 @@ class _ManipulationModule(nn.Module):
         fine = self.last(fine + self.doubled[1](middle))
         return codes + self.change(fine).float()
 
-    def _seen(self, codes: Tensor, manipulations: Tensor, kind: torch.dtype) -> Tensor:
+    def _seen(self, codes: Tensor, hands: _Hands, kind: torch.dtype) -> Tensor:
         """Lay the cloth beside what would become of it, and mark the hands."""
-        batch, width = codes.shape[:2]
-        grasps = manipulations[:, :4].unflatten(1, (2, 2))
-        moves = manipulations[:, None, 4:]
-        centres = _centres(codes)
-        length = moves.square().sum(-1, keepdim=True).add(1e-6).sqrt()
-        along = (moves / length)[:, :, None, None]
-        # From each hand's fold line, wrapped: (B, 2, H, W, 2) and its part along the move.
-        offset = _wrapped(centres - (grasps + 0.5 * moves)[:, :, None, None])
-        beyond = (offset * along).sum(-1, keepdim=True)
-        places = torch.cat(
-            [
-                (centres - moves[:, :, None, None]),
-                centres - 2.0 * beyond * along,
-            ],
-            1,
-        )
+        batch, width, x, y = codes.shape
         parts = self.moved(channels_last(codes.to(kind))).float()
-        shifted = _sample(parts, places.flatten(1, 2)).unflatten(2, (3, -1))
-        touched = _sample(codes, grasps[:, :, None]).squeeze(-1).mT  # (B, 2, C)
-        released = _sample(codes, (grasps + moves)[:, :, None]).squeeze(-1).mT
-        told = torch.cat([touched, released, moves.expand(-1, 2, -1), length.expand(-1, 2, -1)], 2)
+        moved = _sample(parts, hands.origins).unflatten(2, (3, -1))
+        told = _sample(codes, hands.points).squeeze(2).mT  # (B, 4, C), of a hand grasp and release
+        told = torch.cat([told.reshape(batch, 2, 2 * width), hands.moves], 2)
         gain, bias = self.touch(told.to(kind)).flatten(0, 1)[..., None, None].chunk(2, 1)
-        marks = [*_marks(centres, grasps), *_marks(centres, grasps + moves)]
-        across = (offset.square().sum(-1, keepdim=True) - beyond.square()).clamp_min(0.0)
-        marks.append((_LINE_SHARPNESS * beyond[..., 0]).tanh())
-        marks.append((-_LINE_SHARPNESS * across[..., 0]).exp())
-        hands = torch.cat([shifted[:, :, 1:].transpose(1, 2), torch.stack(marks, 2)], 2)
-        hands = self.hand(channels_last(hands.flatten(0, 1).to(kind)))
-        hands = (hands * gain.sigmoid() + bias).unflatten(0, (batch, 2)).sum(1)
-        sheet = torch.cat([codes, shifted[:, :, 0]], 1).to(kind)
-        return self.sheet(channels_last(sheet)) + hands
+        seen = torch.cat([moved[:, :, 1:].transpose(1, 2), hands.marks], 2).flatten(0, 1)
+        felt = self.hand(channels_last(seen.to(kind)))
+        felt = (felt * gain.sigmoid() + bias).unflatten(0, (batch, 2)).sum(1)
+        sheet = torch.cat([codes, moved[:, :, 0]], 1).to(kind)
+        return self.sheet(channels_last(sheet)) + felt
 
 
-def _centres(codes: Tensor) -> Tensor:
-    """Normalised x and y of the cells of maps (B, C, H, W), shape (H, W, 2)."""
-    axes = [
-        (torch.arange(n, device=codes.device) + 0.5) * (2.0 / n) - 1.0 for n in codes.shape[2:]
-    ]
-    return torch.stack(torch.meshgrid(*axes, indexing="ij"), -1)
+@dataclass(frozen=True)
+class _Hands:
+    """What manipulations are on maps of H x W cells, whatever the cloth.
+
+    Attributes:
+        origins: Where the cloth of a cell would come from if all moved, and if it were folded by
+            either hand, for `_sample`, shape (B, 3 * H, W, 2).
+        points: Grasp and release of the first hand, then of the second, for `_sample`, shape
+            (B, 1, 4, 2).
+        marks: Maps that mark the points and each hand's fold line, shape (B, 2, M, H, W).
+        moves: Displacement and its length for each hand, shape (B, 2, 3).
+    """
+
+    origins: Tensor
+    points: Tensor
+    marks: Tensor
+    moves: Tensor
+
+    def split(self, steps: int) -> list[_Hands]:
+        """Part the hands of sequences, B = steps * sequences, into those of each step."""
+        parts = (self.origins, self.points, self.marks, self.moves)
+        return [_Hands(*step) for step in zip(*(part.chunk(steps) for part in parts), strict=True)]
+
+
+def _hands(manipulations: Tensor, cells: tuple[int, int]) -> _Hands:
+    """Draw manipulations (B, 6) on maps of `cells`."""
+    axes = [_centres(count, manipulations.device) for count in cells]
+    grasps = manipulations[:, :4].unflatten(1, (2, 2))
+    move = manipulations[:, 4:]
+    length = move.square().sum(-1, keepdim=True).add(1e-6).sqrt()
+    along = move / length
+    points = torch.stack([grasps, grasps + move[:, None]], 2).flatten(1, 2)  # (B, 4, 2)
+    # From each hand's fold line, wrapped, along x and along y, then along the move: (B, 2, H, W).
+    middle = grasps + 0.5 * move[:, None]
+    x, y = (_wrapped(axes[i] - middle[..., i, None]) for i in range(2))
+    beyond = (x * along[:, None, :1])[..., :, None] + (y * along[:, None, 1:])[..., None, :]
+    squared = x.square()[..., :, None] + y.square()[..., None, :]
+    across = (squared - beyond.square()).clamp_min(0.0)
+    centres = torch.stack(torch.meshgrid(*axes, indexing="ij"), -1)
+    folded = centres - 2.0 * beyond[..., None] * along[:, None, None, None]
+    shifted = centres - move[:, None, None, None]
+    marks = torch.cat(
+        [
+            _marks(axes, points).unflatten(1, (2, -1)),
+            torch.stack([(_LINE_SHARPNESS * beyond).tanh(), (-_LINE_SHARPNESS * across).exp()], 2),
+        ],
+        2,
+    )
+    told = torch.cat([move, length], 1)[:, None].expand(-1, 2, -1)
+    origins = torch.cat([shifted, folded], 1).flatten(1, 2)
+    return _Hands(_on_rim(origins, cells), _on_rim(points[:, None], cells), marks, told)
+
+
+def _centres(count: int, device: torch.device) -> Tensor:
+    """Normalised coordinates of the cells along an axis."""
+    return (torch.arange(count, device=device) + 0.5) * (2.0 / count) - 1.0
 
 
 def _wrapped(offsets: Tensor) -> Tensor:
@@ -154,16 +202,23 @@ def _wrapped(offsets: Tensor) -> Tensor:
     return (offsets + 1.0) % 2.0 - 1.0
 
 
-def _marks(centres: Tensor, points: Tensor) -> list[Tensor]:
-    """Bumps (B, H, X, Y) at points (B, H, 2), one for each width."""
-    squared = _wrapped(centres - points[:, :, None, None]).square().sum(-1)
-    return [(squared * (-0.5 / width**2)).exp() for width in _BUMP_WIDTHS]
+def _marks(axes: list[Tensor], points: Tensor) -> Tensor:
+    """Bumps (B, P * K, H, W) at points (B, P, 2), one for each of K widths."""
+    sharpness = torch.tensor([-0.5 / width**2 for width in _BUMP_WIDTHS], device=points.device)
+    x, y = (
+        (_wrapped(axis - points[..., i, None]).square()[..., None, :] * sharpness[:, None]).exp()
+        for i, axis in enumerate(axes)
+    )
+    return (x[..., :, None] * y[..., None, :]).flatten(1, 2)
+
+
+def _on_rim(places: Tensor, cells: tuple[int, int]) -> Tensor:
+    """Give normalised places (..., 2) as `_sample` wants them."""
+    size = torch.tensor(cells, device=places.device)
+    numbered = (places + 1.0) * (size / 2.0) % size  # 0..n, cell i has its centre at i + 0.5
+    return ((numbered + 1.0) * (2.0 / (size + 2)) - 1.0).flip(-1)
 
 
 def _sample(maps: Tensor, places: Tensor) -> Tensor:
-    """Read periodic maps (B, C, X, Y) between cells at normalised places (B, N, M, 2)."""
-    size = torch.tensor(maps.shape[2:], device=maps.device)
-    padded = functional.pad(maps, (1, 1, 1, 1), mode="circular")
-    cells = (places + 1.0) * (size / 2.0) % size  # 0..n, cell i has its centre at i + 0.5
-    scaled = (cells + 1.0) * (2.0 / (size + 2)) - 1.0
-    return functional.grid_sample(padded, scaled.flip(-1), align_corners=False)
+    """Read periodic maps (B, C, X, Y) between cells at places (B, N, M, 2) of `_on_rim`."""
+    return functional.grid_sample(periodic_rim(maps), places, align_corners=False)
