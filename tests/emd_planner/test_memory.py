@@ -43,14 +43,15 @@ WAITING = """
 import os, sys
 import emd_planner.planning_net
 assert "torch" in sys.modules
-print(os.environ["OMP_WAIT_POLICY"])
+print(os.environ["OMP_WAIT_POLICY"], os.environ.get("GOMP_SPINCOUNT"))
 """
 
 
-@pytest.mark.parametrize(("asked", "wanted"), [(None, "PASSIVE"), ("ACTIVE", "ACTIVE")])
-def test_waiting_threads_sleep_unless_the_user_says_otherwise(asked, wanted) -> None:
+@pytest.mark.parametrize(("asked", "wanted"), [(None, "PASSIVE 3000"), ("ACTIVE", "ACTIVE None")])
+def test_waiting_threads_soon_sleep_unless_the_user_says_otherwise(asked, wanted) -> None:
     """Set before PyTorch reads it."""
-    environment = {name: value for name, value in os.environ.items() if name != "OMP_WAIT_POLICY"}
+    ours = ("OMP_WAIT_POLICY", "GOMP_SPINCOUNT")
+    environment = {name: value for name, value in os.environ.items() if name not in ours}
     if asked is not None:
         environment["OMP_WAIT_POLICY"] = asked
     environment["PYTHONPATH"] = os.pathsep.join(sys.path)

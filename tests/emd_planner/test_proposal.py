@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
 
+from emd_planner.config import PLANNERS
 from emd_planner.net_config import SpatialNetConfig
+from emd_planner.plan import plan
 from emd_planner.proposal import ProposalHead, Proposals
 from emd_planner.recipe import proposal_loss
 from emd_planner.spatial_net import SpatialEmdNet
@@ -110,3 +113,11 @@ def test_nets_learn_guesses_for_every_pair_of_states():
         assert (parameter.grad is not None) == name.startswith("proposal."), name
     silent = SpatialEmdNet(SpatialNetConfig(proposals=0))
     assert proposal_loss(silent, torch.zeros(2, 3, 48, 16, 16), manipulations, used) == 0.0
+
+
+def test_a_search_may_begin_with_guesses_alone(grid_of, rectangle):
+    """No random start beside them."""
+    net = SpatialEmdNet(SpatialNetConfig(widths=(4, 4, 4), moved_width=2, coarse_blocks=1))
+    cloth, goal = (grid_of(rectangle((x, 0.0), (0.8, 0.5))) for x in (0.0, 0.2))
+    config = replace(PLANNERS["ours"], guessed_share=1.0, candidates=8, max_iterations=2)
+    assert len(plan(net, cloth, goal, 1, config).manipulations) == 1

@@ -10,12 +10,7 @@ from emd_planner.emd_net import EmdNet
 from emd_planner.net_config import SpatialNetConfig
 from emd_planner.silhouette import dilate, outside_cloth
 from emd_planner.spatial_net import SpatialEmdNet
-from emd_planner.starts import (
-    guessed_sequences,
-    random_values,
-    with_one_hand,
-    without_doubtful_hand,
-)
+from emd_planner.starts import guessed_sequences, random_values, without_doubtful_hand
 
 CPU = torch.device("cpu")
 
@@ -34,22 +29,6 @@ def test_single_handed_starts_leave_the_second_hand_off_the_cloth(patch):
     used = grasps_cloth(values, patch.expand(500, 2, -1, -1, -1), 0)
     assert used[..., 0].all()
     assert used[..., 1].float().mean() == pytest.approx(0.5, abs=0.05)
-
-
-def test_a_hand_is_taken_off_the_cloth_in_one_step(patch):
-    """The other one stays where it was, and comes first; other steps stay as they are."""
-    generator = torch.Generator().manual_seed(0)
-    values = random_values(40, 3, patch.any(-1), generator, CPU)
-    for hand in (0, 1):
-        single = with_one_hand(values, hand, patch.any(-1), generator)
-        used = grasps_cloth(single, patch.expand(40, 3, -1, -1, -1), 0)
-        assert used[..., 0].all()
-        assert ((~used[..., 1]).sum(1) == 1).all()
-        changed = ~used[..., 1]
-        kept = values[changed][:, 2 * (1 - hand) : 2 * (1 - hand) + 2]
-        assert torch.equal(single[changed][:, :2], kept)
-        assert torch.equal(single[~changed], values[~changed])
-        assert torch.equal(single[..., 4:], values[..., 4:])
 
 
 def test_guesses_are_rolled_out_and_depend_on_the_seed(patch):

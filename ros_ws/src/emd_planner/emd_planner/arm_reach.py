@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -16,6 +17,10 @@ class Region(ABC):
     @abstractmethod
     def distance(self, points: Tensor) -> Tensor:
         """Give the distance (...) of points (..., 2) from the region, 0 inside."""
+
+    def contains(self, points: Tensor) -> Tensor:
+        """Whether points (..., 2) lie inside: boolean (...)."""
+        return self.distance(points) == 0.0
 
     @abstractmethod
     def nearest(self, point: Tensor) -> Tensor:
@@ -49,6 +54,7 @@ class PolygonReach(ArmReach, Region):
         """Keep the corners, counter-clockwise, shape (N, 2), normalised."""
         self._corners = corners
         self._edges = corners.roll(-1, 0) - corners
+        self._corners_array, self._edges_array = corners.cpu().numpy(), self._edges.cpu().numpy()
 
     def excess(self, grasps: Tensor, moves: Tensor) -> Tensor:
         """Sum the distances of grasps and releases from the polygon."""
@@ -62,15 +68,22 @@ class PolygonReach(ArmReach, Region):
         """Give the distance (...) of points (..., 2), with a unit gradient outside."""
         return distance_to_polygon(points, self._corners)
 
+    def contains(self, points: Tensor) -> Tensor:
+        """Whether points (..., 2) lie inside."""
+        return (cross(self._edges, points[..., None, :] - self._corners) >= 0.0).all(-1)
+
     def nearest(self, point: Tensor) -> Tensor:
         """Give the nearest place (2,), a little inside the border if the point is beyond it."""
-        corners, edges = self._corners, self._edges
-        if (cross(edges, point - corners) >= 0.0).all():
+        # In numpy: a projection takes many of these, each too little for a tensor's overhead.
+        corners, edges = self._corners_array, self._edges_array
+        place = point.cpu().numpy()
+        relative = place - corners
+        if (edges[:, 0] * relative[:, 1] - edges[:, 1] * relative[:, 0] >= 0.0).all():
             return point
-        along = ((point - corners) * edges).sum(-1) / edges.square().sum(-1).clamp_min(1e-12)
-        places = corners + along.clamp(0.0, 1.0)[:, None] * edges
-        nearest = places[(places - point).square().sum(-1).argmin()]
-        return nearest + _INWARD * (corners.mean(0) - nearest)
+        along = (relative * edges).sum(-1) / np.maximum((edges * edges).sum(-1), 1e-12)
+        places = corners + along.clip(0.0, 1.0)[:, None] * edges
+        nearest = places[np.square(places - place).sum(-1).argmin()]
+        return torch.from_numpy(nearest + _INWARD * (corners.mean(0) - nearest)).to(point)
 
 
 def distance_to_polygon(points: Tensor, corners: Tensor) -> Tensor:

@@ -26,8 +26,6 @@ class PlannerConfig:
             which go on as the net guesses (ours); see `emd_planner.outline_folds`.
         single_handed_share: Share of the random starts' steps in which the second hand starts
             off the cloth (ours).
-        try_single_handed: Whether of the best starts such are rated, too, of which one hand is
-            taken off the cloth in one step (ours).
         goal_cost: "squared": loss_s of the predicted probabilities, as in the paper. "expected":
             the mean squared error that is to be expected of the outcome if the probabilities are
             right, mean of p (1 - g) + (1 - p) g; it also counts what the net is unsure of (ours).
@@ -36,8 +34,9 @@ class PlannerConfig:
         judged: How many of the best restarts are adjusted (`grasp_on_cloth`, `keep_in_reach`)
             before the cheapest is chosen (ours).
         patience: Iterations without improvement after which a search stops; 25 in the paper.
-        eta_plus: Growth of a step whose gradient keeps its sign; 2.0 in the paper.
-        eta_minus: Shrinkage of a step whose gradient changed sign; 0.33 in the paper.
+        eta_plus: Growth of a step whose gradient keeps its sign; 2.0 in the paper, 1.2 in Rprop.
+        eta_minus: Shrinkage of a step whose gradient changed sign; 0.33 in the paper, 0.5 in
+            Rprop.
         initial_step: First step of every value, normalised units (ours).
         min_step: Smallest step, normalised units (Riedmiller and Braun).
         max_step: Largest step, normalised units (ours: a quarter of the field of view).
@@ -78,7 +77,6 @@ class PlannerConfig:
     guessed_share: float = 0.0
     outline_folds: bool = False
     single_handed_share: float = 0.0
-    try_single_handed: bool = False
     goal_cost: Literal["squared", "expected"] = "squared"
     halve_every: int = 0
     judged: int = 1
@@ -136,16 +134,18 @@ class PlannerConfig:
 PLANNERS: dict[str, PlannerConfig] = {
     "paper": PlannerConfig(max_displacement=1.0, start_on_cloth=False, grasp_weight=0.0),
     "ours": PlannerConfig(
-        restarts=8,
-        max_iterations=12,
+        restarts=4,
+        max_iterations=8,
         candidates=48,
         guessed_share=0.75,
         outline_folds=True,
         single_handed_share=0.5,
-        try_single_handed=True,
         goal_cost="expected",
         halve_every=4,
         judged=3,
+        eta_plus=1.2,
+        eta_minus=0.5,
+        initial_step=0.03,
         bfloat16=True,
         grasp_on_cloth=True,
         keep_in_reach=True,

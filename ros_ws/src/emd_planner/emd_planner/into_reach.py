@@ -58,5 +58,5 @@ def _grasp_within(point: Tensor, region: Region, silhouette: Tensor | None) -> T
     count = silhouette.shape[-1]
     axis = (torch.arange(count, device=point.device) + 0.5) * (2.0 / count) - 1.0
     centres = torch.stack(torch.meshgrid(axis, axis, indexing="ij"), -1)
-    reached = silhouette & (region.distance(centres) == 0.0)
+    reached = silhouette & region.contains(centres)
     return onto_silhouette(inside[None], reached)[0] if reached.any() else inside

@@ -25,12 +25,7 @@ from emd_planner.plan_cost import plan_cost
 from emd_planner.planner import SearchProgress, SearchResult, search
 from emd_planner.planning_net import planning_copy
 from emd_planner.silhouette import columns_of, onto_silhouette, silhouettes
-from emd_planner.starts import (
-    guessed_sequences,
-    random_values,
-    with_one_hand,
-    without_doubtful_hand,
-)
+from emd_planner.starts import guessed_sequences, random_values, without_doubtful_hand
 from emd_planner.state_predictor import StatePredictor
 
 _ADJUSTMENTS = 3  # of a sequence, each of which may call for another one
@@ -242,20 +237,14 @@ class PlanningProblem:
             config.max_displacement,
             config.single_handed_share,
         )
-        known = 0 if guessed is None else len(guessed.values)
-        if known + len(values) == config.restarts:
-            return (values if guessed is None else torch.cat([guessed.values, values])), None
-        costs = self._cost.total(self._predict(values), values)
+        if guessed is None and len(values) == config.restarts:
+            return values, None
+        rated = [(values, self._cost.total(self._predict(values), values))] if len(values) else []
         if guessed is not None:
-            costs = torch.cat([self._cost.total(guessed.states, guessed.values), costs])
-            values = torch.cat([guessed.values, values])
-        values, costs = _cheapest(values, costs, config.restarts)
-        if not config.try_single_handed:
-            return values, costs
-        silhouette = silhouettes(self._graspable)
-        single = torch.cat([with_one_hand(values, hand, silhouette, generator) for hand in (0, 1)])
-        costs = torch.cat([costs, self._cost.total(self._predict(single), single)])
-        return _cheapest(torch.cat([values, single]), costs, config.restarts)
+            rated.append((guessed.values, self._cost.total(guessed.states, guessed.values)))
+        all_values, costs = (torch.cat(parts) for parts in zip(*rated, strict=True))
+        best = costs.nan_to_num(torch.inf).argsort(stable=True)[: config.restarts]
+        return all_values[best], costs[best]
 
     def _outline_folds(self) -> Tensor:
         """Folds along the cloth's outline, within reach if hands must keep there, (F, 6)."""
@@ -366,10 +355,3 @@ class PlanningProblem:
                 place = row, step
                 values[place] = into_reach(values[place], used[place], reach, cloth[place])
         return values
-
-
-def _cheapest(values: Tensor, costs: Tensor, count: int) -> tuple[Tensor, Tensor]:
-    """Give the values and costs of the `count` cheapest."""
-    costs = costs.nan_to_num(torch.inf)
-    best = costs.argsort(stable=True)[:count]
-    return values[best], costs[best]

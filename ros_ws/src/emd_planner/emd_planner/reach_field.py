@@ -88,7 +88,7 @@ class _FieldRegion(Region):
 
     def nearest(self, point: Tensor) -> Tensor:
         """Give the point, or the nearest sample within reach; the point if there is none."""
-        if self.distance(point) == 0.0:
+        if self.contains(point):
             return point
         axis = self._reach.start + self._reach.step * torch.arange(
             self._field.shape[1], device=point.device, dtype=point.dtype

@@ -55,33 +55,6 @@ def random_values(
     return values.to(device)
 
 
-def with_one_hand(
-    values: Tensor, hand: int, silhouette: Tensor, generator: torch.Generator
-) -> Tensor:
-    """Take a hand off the cloth in one random step of each sequence.
-
-    No gradient leads there: at the cloth's edge what a hand does changes abruptly.
-
-    Args:
-        values: Sequences, shape (R, n, 6).
-        hand: Which one, 0 or 1.
-        silhouette: Of the initial state, boolean (X, Y).
-        generator: On the CPU.
-
-    Returns:
-        Shape (R, n, 6); the hand that is left comes first.
-    """
-    count, steps = values.shape[:2]
-    chosen = torch.randint(steps, (count,), generator=generator).to(values.device)
-    rows = torch.arange(count, device=values.device)
-    outside = random_points_outside(silhouette.cpu().expand(count, -1, -1), generator)[:, 1]
-    changed = values.clone()
-    if hand == 0:
-        changed[rows, chosen, :2] = values[rows, chosen, 2:4]
-    changed[rows, chosen, 2:4] = outside.to(values)
-    return changed
-
-
 def without_doubtful_hand(
     values: Tensor, silhouette: Tensor, tolerance_voxels: int
 ) -> list[Tensor]:
