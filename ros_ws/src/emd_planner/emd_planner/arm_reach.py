@@ -18,9 +18,9 @@ class Region(ABC):
     def distance(self, points: Tensor) -> Tensor:
         """Give the distance (...) of points (..., 2) from the region, 0 inside."""
 
-    def contains(self, points: Tensor) -> Tensor:
-        """Whether points (..., 2) lie inside: boolean (...)."""
-        return self.distance(points) == 0.0
+    @abstractmethod
+    def columns(self, count: int) -> Tensor:
+        """Tell which columns of a grid have their middles inside: boolean (count, count)."""
 
     @abstractmethod
     def nearest(self, point: Tensor) -> Tensor:
@@ -54,6 +54,7 @@ class PolygonReach(ArmReach, Region):
         """Keep the corners, counter-clockwise, shape (N, 2), normalised."""
         self._corners = corners
         self._edges = corners.roll(-1, 0) - corners
+        self._columns: dict[int, Tensor] = {}
         self._corners_array, self._edges_array = corners.cpu().numpy(), self._edges.cpu().numpy()
 
     def excess(self, grasps: Tensor, moves: Tensor) -> Tensor:
@@ -68,9 +69,12 @@ class PolygonReach(ArmReach, Region):
         """Give the distance (...) of points (..., 2), with a unit gradient outside."""
         return distance_to_polygon(points, self._corners)
 
-    def contains(self, points: Tensor) -> Tensor:
-        """Whether points (..., 2) lie inside."""
-        return (cross(self._edges, points[..., None, :] - self._corners) >= 0.0).all(-1)
+    def columns(self, count: int) -> Tensor:
+        """Tell which columns have their middles inside; worked out once for a count."""
+        if count not in self._columns:
+            relative = column_middles(count, self._corners.device)[..., None, :] - self._corners
+            self._columns[count] = (cross(self._edges, relative) >= 0.0).all(-1)
+        return self._columns[count]
 
     def nearest(self, point: Tensor) -> Tensor:
         """Give the nearest place (2,), a little inside the border if the point is beyond it."""
@@ -84,6 +88,12 @@ class PolygonReach(ArmReach, Region):
         places = corners + along.clip(0.0, 1.0)[:, None] * edges
         nearest = places[np.square(places - place).sum(-1).argmin()]
         return torch.from_numpy(nearest + _INWARD * (corners.mean(0) - nearest)).to(point)
+
+
+def column_middles(count: int, device: torch.device) -> Tensor:
+    """Normalised places of a grid's columns, shape (count, count, 2)."""
+    axis = (torch.arange(count, device=device) + 0.5) * (2.0 / count) - 1.0
+    return torch.stack(torch.meshgrid(axis, axis, indexing="ij"), -1)
 
 
 def distance_to_polygon(points: Tensor, corners: Tensor) -> Tensor:

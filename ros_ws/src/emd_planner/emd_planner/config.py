@@ -136,7 +136,7 @@ PLANNERS: dict[str, PlannerConfig] = {
     "ours": PlannerConfig(
         restarts=4,
         max_iterations=8,
-        candidates=48,
+        candidates=36,
         guessed_share=0.75,
         outline_folds=True,
         single_handed_share=0.5,

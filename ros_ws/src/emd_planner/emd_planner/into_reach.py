@@ -33,9 +33,9 @@ def into_reach(
     Returns:
         Shape (6,); the manipulation itself if it was within reach.
     """
-    if reach(manipulation, used) == 0.0:
+    excess, regions = reach.assigned(manipulation, used)
+    if excess == 0.0:
         return manipulation
-    regions = reach.regions_of(manipulation, used)
     grasps = manipulation[:4].view(2, 2).clone()
     for hand in used.nonzero().flatten().tolist():
         grasps[hand] = _grasp_within(grasps[hand], regions[hand][0], silhouette)
@@ -55,8 +55,5 @@ def _grasp_within(point: Tensor, region: Region, silhouette: Tensor | None) -> T
     inside = region.nearest(point)
     if silhouette is None or torch.equal(inside, point):
         return inside
-    count = silhouette.shape[-1]
-    axis = (torch.arange(count, device=point.device) + 0.5) * (2.0 / count) - 1.0
-    centres = torch.stack(torch.meshgrid(axis, axis, indexing="ij"), -1)
-    reached = silhouette & region.contains(centres)
+    reached = silhouette & region.columns(silhouette.shape[-1])
     return onto_silhouette(inside[None], reached)[0] if reached.any() else inside

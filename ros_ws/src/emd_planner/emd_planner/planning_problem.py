@@ -215,8 +215,13 @@ class PlanningProblem:
         """
         config = self._config
         count = max(config.candidates, config.restarts)
+        guesses = round(config.guessed_share * count)
         guessed = None
-        if guesses := round(config.guessed_share * count):
+        if guesses > 0:
+            # Of a random start the first step is random; how it goes on is guessed as well.
+            first = [self._random(count - guesses, 1, generator)[:, 0]]
+            if config.outline_folds:
+                first.append(self._outline_folds())
             guessed = guessed_sequences(
                 self._fast_net,
                 self._initial,
@@ -226,25 +231,30 @@ class PlanningProblem:
                 generator,
                 self._limits,
                 config.threshold,
-                self._outline_folds() if config.outline_folds else None,
+                torch.cat(first),
             )
-        values = random_values(
-            count if guessed is None else count - guesses,
+        if guessed is not None:
+            values, states = guessed.values, guessed.states
+        else:
+            values = self._random(count, steps, generator)
+            if count == config.restarts:
+                return values, None
+            states = self._predict(values)
+        costs = self._cost.total(states, values)
+        best = costs.nan_to_num(torch.inf).argsort(stable=True)[: config.restarts]
+        return values[best], costs[best]
+
+    def _random(self, count: int, steps: int, generator: torch.Generator) -> Tensor:
+        """Draw sequences (count, steps, 6) as the config says."""
+        return random_values(
+            count,
             steps,
-            silhouettes(self._graspable) if config.start_on_cloth else None,
+            silhouettes(self._graspable) if self._config.start_on_cloth else None,
             generator,
             self._device,
-            config.max_displacement,
-            config.single_handed_share,
+            self._config.max_displacement,
+            self._config.single_handed_share,
         )
-        if guessed is None and len(values) == config.restarts:
-            return values, None
-        rated = [(values, self._cost.total(self._predict(values), values))] if len(values) else []
-        if guessed is not None:
-            rated.append((guessed.values, self._cost.total(guessed.states, guessed.values)))
-        all_values, costs = (torch.cat(parts) for parts in zip(*rated, strict=True))
-        best = costs.nan_to_num(torch.inf).argsort(stable=True)[: config.restarts]
-        return all_values[best], costs[best]
 
     def _outline_folds(self) -> Tensor:
         """Folds along the cloth's outline, within reach if hands must keep there, (F, 6)."""

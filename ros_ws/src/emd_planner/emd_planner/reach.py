@@ -103,18 +103,19 @@ class ReachLoss:
             self._crosses(manipulations, used, straight, crossed), crossed, straight
         )
 
-    def regions_of(
+    def assigned(
         self, manipulation: Tensor, used: Tensor
-    ) -> tuple[tuple[Region, Region], tuple[Region, Region]]:
-        """Give for each hand where its arm can grasp, and where it can release.
+    ) -> tuple[float, tuple[tuple[Region, Region], tuple[Region, Region]]]:
+        """Give the loss, and for each hand where its arm can grasp, and where it can release.
 
         Args:
             manipulation: Shape (6,), normalised.
             used: Which hands grasp cloth, boolean, shape (2,).
         """
         ways = self._both_ways(manipulation, used)
+        crosses = bool(self._crosses(manipulation, used, *ways))
         left, right = (arm.regions(manipulation[4:]) for arm in self._arms)
-        return (right, left) if self._crosses(manipulation, used, *ways) else (left, right)
+        return float(ways[crosses]), (right, left) if crosses else (left, right)
 
     def _both_ways(self, manipulations: Tensor, used: Tensor) -> tuple[Tensor, Tensor]:
         """Sum the distances if the first hand goes to the left arm, and if to the right one."""

@@ -13,7 +13,7 @@ from emd_core.errors import InvalidInputError
 from emd_core.frames import FieldOfView
 from emd_core.reach_map import ReachMap
 from emd_core.voxel_grid import BoolArray
-from emd_planner.arm_reach import ArmReach, Region
+from emd_planner.arm_reach import ArmReach, Region, column_middles
 
 
 class FieldReach(ArmReach):
@@ -86,9 +86,12 @@ class _FieldRegion(Region):
     def distance(self, points: Tensor) -> Tensor:
         return self._reach.look_up(self._field, points, self._yaw.expand(points.shape[:-1]))
 
+    def columns(self, count: int) -> Tensor:
+        return self.distance(column_middles(count, self._field.device)) == 0.0
+
     def nearest(self, point: Tensor) -> Tensor:
         """Give the point, or the nearest sample within reach; the point if there is none."""
-        if self.contains(point):
+        if self.distance(point) == 0.0:
             return point
         axis = self._reach.start + self._reach.step * torch.arange(
             self._field.shape[1], device=point.device, dtype=point.dtype
