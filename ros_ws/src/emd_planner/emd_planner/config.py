@@ -134,14 +134,14 @@ class PlannerConfig:
 PLANNERS: dict[str, PlannerConfig] = {
     "paper": PlannerConfig(max_displacement=1.0, start_on_cloth=False, grasp_weight=0.0),
     "ours": PlannerConfig(
-        restarts=4,
+        restarts=8,
         max_iterations=8,
         candidates=36,
         guessed_share=0.75,
         outline_folds=True,
         single_handed_share=0.5,
         goal_cost="expected",
-        halve_every=4,
+        halve_every=3,
         judged=3,
         eta_plus=1.2,
         eta_minus=0.5,
