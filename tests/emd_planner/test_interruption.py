@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 
 import pytest
 import torch
@@ -73,6 +74,22 @@ def test_a_plan_can_be_cancelled_anywhere(net, grids, when):
     with pytest.raises(CancelledError):
         plan(net, *grids, 2, PLANNERS["ours"], should_stop=should_stop)
     assert len(asked) == when + 1
+
+
+def test_a_plan_can_be_cancelled_while_what_was_found_is_adjusted(net, grids):
+    """The last time that it asks is after the search."""
+    asked, iterations = [], []
+
+    def should_stop():
+        asked.append(len(iterations))
+        return False
+
+    config = replace(PLANNERS["ours"], max_iterations=3, grasp_tolerance_voxels=16)
+    plan(net, *grids, 1, config, on_iteration=iterations.append, should_stop=should_stop)
+    assert asked[-1] == len(iterations) == 3
+    last = len(asked)
+    with pytest.raises(CancelledError):
+        plan(net, *grids, 1, config, should_stop=lambda: asked.append(0) or len(asked) == 2 * last)
 
 
 def test_time_that_is_up_gives_the_best_so_far_or_says_that_there_is_none(net, grids, monkeypatch):

@@ -85,7 +85,8 @@ def alternatives(
     for number, length in enumerate(tried, start=1):
         deadline = started + config.time_budget * number / len(tried)
         found = problem.search(length, seed, Watch(should_stop, deadline))
-        candidates = list(itertools.islice(problem.candidates(found), count))
+        ways = problem.candidates(found, Watch(should_stop, math.inf))
+        candidates = list(itertools.islice(ways, count))
         best += [candidates] if candidates else []
         rated = rated or bool(found.costs.isfinite().any())
     if not best:

@@ -74,8 +74,9 @@ class PlanningProblem:
         """
         self._config = config
         self._net, self._fast_net = (planning_copy(net, fast) for fast in (False, config.bfloat16))
-        ask_between_layers(self._fast_net, lambda: self._watch())
         self._watch: Callable[[], None] = lambda: None
+        for planning_net in (self._net, self._fast_net):
+            ask_between_layers(planning_net, lambda: self._watch())
         self._on_iteration = on_iteration
         self._field_of_view = initial.field_of_view
         self._device = next(net.parameters()).device
@@ -149,13 +150,24 @@ class PlanningProblem:
         self.iterations += found.iterations
         return found
 
-    def candidates(self, found: SearchResult) -> Iterator[Candidate]:
+    def candidates(
+        self, found: SearchResult, watch: Callable[[], None] = lambda: None
+    ) -> Iterator[Candidate]:
         """Give the sequences that grasp cloth in every step.
 
         Adjusting them can change their costs, so the `judged` cheapest of the search are adjusted
         before any is given, and come in the order of the costs they have then; the others follow
         as the search ordered them.
+
+        Args:
+            found: What a search gave.
+            watch: Asked between the layers of the net, as in `search`; it should know no
+                deadline, as what was found by then is adjusted after it.
+
+        Raises:
+            CancelledError: If the watch says so.
         """
+        self._watch = watch
         rows = [
             values
             for values, cost in zip(found.values, found.costs, strict=True)
