@@ -130,20 +130,21 @@ def test_cancelling_stops_before_the_next_iteration():
 
 
 def test_time_that_is_up_ends_the_search_with_the_best_so_far(monkeypatch):
-    """In the middle of an iteration too: it does not count."""
-    now = [0.0]
+    """The time of two iterations is left; one in whose middle time is up does not count."""
+    now, lasts = [0.0], [1.0]
     monkeypatch.setattr(time, "monotonic", lambda: now[0])
     watch = Watch(None, 4.5)
 
     def predict(values):
-        now[0] += 1.0
+        now[0] += lasts[0]
         watch()
         return values
 
     starts = _starts()
     result = search(predict, _distance, starts, PlannerConfig(), watch=watch)
-    assert result.iterations == 4
+    assert result.iterations == 3 and now[0] == 3.0
     assert result.costs.isfinite().all()
+    lasts[0] = 2.0
     known = _distance(starts, starts)
     none = search(predict, _distance, starts, PlannerConfig(), None, watch, None, known)
     assert none.iterations == 0

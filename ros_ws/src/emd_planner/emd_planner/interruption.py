@@ -28,16 +28,19 @@ class Watch:
         """
         self._should_stop, self._deadline = should_stop, deadline
 
-    def __call__(self) -> None:
+    def __call__(self, needed: float = 0.0) -> None:
         """Do nothing, usually.
+
+        Args:
+            needed: Seconds that shall be left before the deadline.
 
         Raises:
             CancelledError: If `should_stop` says so.
-            TimeIsUp: If the deadline has passed.
+            TimeIsUp: If the deadline has passed, or less time is left than needed.
         """
         if self._should_stop is not None and self._should_stop():
             raise CancelledError("the search for a plan was asked to stop")
-        if time.monotonic() > self._deadline:
+        if time.monotonic() + needed > self._deadline:
             raise TimeIsUp
 
 

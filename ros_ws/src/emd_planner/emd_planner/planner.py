@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
@@ -54,7 +55,7 @@ def search(
     initial_values: Tensor,
     config: PlannerConfig,
     on_iteration: Callable[[SearchProgress], None] | None = None,
-    watch: Callable[[], None] | None = None,
+    watch: Callable[[float], None] | None = None,
     limits: Tensor | None = None,
     initial_costs: Tensor | None = None,
 ) -> SearchResult:
@@ -73,7 +74,8 @@ def search(
         on_iteration: Told of the progress after every iteration.
         watch: Asked before every iteration, and by prediction and cost as often as they like. If
             it raises `TimeIsUp`, the search ends with what it has; see
-            `emd_planner.interruption.Watch`.
+            `emd_planner.interruption.Watch`. It is told to leave the time of two iterations,
+            which is about what adjusting the best of what was found takes.
         limits: Largest magnitude of each value, shape (V,); 1 if None.
         initial_costs: Of the starts, shape (R,), if they are known.
 
@@ -90,17 +92,19 @@ def search(
     stale = torch.zeros(len(values), dtype=torch.long, device=values.device)
     rows = torch.arange(len(values), device=values.device)
     optimiser = IrpropMinus(values.shape, config, values.device)
-    iteration = 0
+    iteration, took = 0, 0.0
     while iteration < config.max_iterations and len(rows):
         candidate = values[rows].requires_grad_(True)
+        began = time.monotonic()
         try:
             if watch is not None:
-                watch()
+                watch(2.0 * took)
             costs = cost(predict(candidate), candidate)
             (gradient,) = torch.autograd.grad(costs.sum(), candidate)
         except TimeIsUp:
             break
         iteration += 1
+        took = time.monotonic() - began
         costs, candidate = costs.detach(), candidate.detach()
         improved = costs < best_costs[rows] - config.min_improvement
         better = rows[improved]

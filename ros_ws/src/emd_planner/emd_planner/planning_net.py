@@ -18,9 +18,9 @@ _converted: WeakKeyDictionary[StatePredictor, _Converted] = WeakKeyDictionary()
 def planning_copy(net: StatePredictor, bfloat16: bool) -> StatePredictor:
     """Copy a net, with weights and layers in bfloat16 if asked to and where that is faster.
 
-    In float32 on a CPU its residual blocks become fixed ones (`emd_planner.fixed_blocks`). A net is
-    converted once, rather than for every plan or at every layer of every iteration. Copies share
-    the weights and must not change them; hooks on the layers are each copy's own.
+    In float32 on a CPU its residual blocks become fixed ones (`emd_planner.fixed_blocks`). A net
+    is converted once, rather than for every plan or at every layer of every iteration. Copies
+    share the weights and must not change them; hooks on the layers are each copy's own.
     """
     coarse = bfloat16 and multiplies_bfloat16(next(net.parameters()).device)
     changes = tuple(parameter._version for parameter in net.parameters())

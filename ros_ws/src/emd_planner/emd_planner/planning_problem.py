@@ -17,7 +17,7 @@ from emd_core.voxel_grid import VoxelGrid
 from emd_planner.config import PlannerConfig, Polygon, ReachConfig
 from emd_planner.cost import expected_goal_term, goal_term, grasps_cloth, states_before
 from emd_planner.fold_plan import FoldPlan, PlanningProgress
-from emd_planner.interruption import TimeIsUp, ask_between_layers
+from emd_planner.interruption import TimeIsUp, Watch, ask_between_layers
 from emd_planner.into_reach import into_reach
 from emd_planner.losses import state_loss
 from emd_planner.outline_folds import outline_folds
@@ -110,13 +110,13 @@ class PlanningProblem:
         )
         self.iterations = 0
 
-    def search(self, steps: int, seed: int, watch: Callable[[], None]) -> SearchResult:
+    def search(self, steps: int, seed: int, watch: Watch) -> SearchResult:
         """Search for sequences of so many manipulations.
 
         Args:
             steps: Manipulations in each.
             seed: Of the starts.
-            watch: Asked between the layers of the net; see `emd_planner.interruption.Watch`.
+            watch: Asked between the layers of the net.
 
         Returns:
             The best of each restart; nothing if time was up before any had been rated.
