@@ -75,6 +75,11 @@ class DemoReport:
     error: dict[str, Any] | None = None
     seconds: float = 0.0
 
+    @property
+    def carried_out(self) -> int:
+        """Manipulations that were carried out; planned ones that were refused do not count."""
+        return sum(step.executed is not None for step in self.steps)
+
     def write(self, path: Path) -> None:
         """Write the report, whole or not at all."""
         write_text(path, json.dumps(asdict(self), indent=1))

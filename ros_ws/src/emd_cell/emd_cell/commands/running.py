@@ -36,7 +36,7 @@ def demo(
     if report.initial and report.final:
         print(
             f"voxel MSE to the goal: {report.initial.voxel_mse:.4f} before, "
-            f"{report.final.voxel_mse:.4f} after {len(report.steps)} manipulation(s)"
+            f"{report.final.voxel_mse:.4f} after {report.carried_out} manipulation(s)"
         )
     print(f"report and pictures: {out}")
     if report.error:
