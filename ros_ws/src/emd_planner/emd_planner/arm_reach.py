@@ -8,6 +8,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from emd_planner.silhouette import column_centres
+
 _INWARD = 1e-3  # of the way from the border to a polygon's middle, against rounding
 
 
@@ -92,7 +94,7 @@ class PolygonReach(ArmReach, Region):
 
 def column_middles(count: int, device: torch.device) -> Tensor:
     """Normalised places of a grid's columns, shape (count, count, 2)."""
-    axis = (torch.arange(count, device=device) + 0.5) * (2.0 / count) - 1.0
+    axis = column_centres(count, device)
     return torch.stack(torch.meshgrid(axis, axis, indexing="ij"), -1)
 
 

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from emd_planner.losses import state_loss
 from emd_planner.reach import ReachLoss
-from emd_planner.silhouette import dilate, near_cloth, silhouettes
+from emd_planner.silhouette import column_centres, dilate, near_cloth, silhouettes
 
 # Maps predicted states (A, n, X, Y, Z) and manipulations (A, n, 6) to costs (A,).
 Term = Callable[[Tensor, Tensor], Tensor]
@@ -127,7 +127,7 @@ def distance_to_silhouette(points: Tensor, silhouette: Tensor) -> Tensor:
         Normalised, shape (..., H); 0 where a silhouette is empty, as no way leads to it.
     """
     count = silhouette.shape[-1]
-    centres = (torch.arange(count, device=points.device) + 0.5) * (2.0 / count) - 1.0
+    centres = column_centres(count, points.device)
     offsets = (points[..., None] - centres + 1.0) % 2.0 - 1.0  # (..., H, 2, count)
     squares = offsets.square()
     squared = squares[..., 0, :, None] + squares[..., 1, None, :]

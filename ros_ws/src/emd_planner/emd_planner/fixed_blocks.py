@@ -12,6 +12,7 @@ instead of 576. On larger maps turning them costs more than the products save.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any
 
@@ -61,15 +62,16 @@ class _Residual(torch.autograd.Function):
         return gradient + first.transposed(back) * (maps > 0.0), None, None
 
 
-class _Convolution(nn.Module):
+class _Convolution(nn.Module, ABC):
     """A 3 x 3 convolution of maps (B, C, X, Y) whose opposite edges meet, and its transpose."""
 
+    @abstractmethod
     def forward(self, maps: Tensor) -> Tensor:
-        raise NotImplementedError
+        """Convolve."""
 
+    @abstractmethod
     def transposed(self, maps: Tensor) -> Tensor:
         """Apply the transpose, without the bias."""
-        raise NotImplementedError
 
 
 def _prepared(layer: nn.Conv2d, cells: tuple[int, int]) -> _Convolution:

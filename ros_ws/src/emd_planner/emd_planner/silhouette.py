@@ -67,6 +67,11 @@ def _inwards(points: Tensor, columns: Tensor, silhouette: Tensor) -> Tensor:
     return torch.where((offsets == 0.0), middles, points)
 
 
+def column_centres(count: int, device: torch.device) -> Tensor:
+    """Give the normalised coordinates of the middles of columns along an axis, shape (count,)."""
+    return (torch.arange(count, device=device) + 0.5) * (2.0 / count) - 1.0
+
+
 def columns_of(points: Tensor, count: int) -> Tensor:
     """Give the wrapped column indices, shape (..., 2), of normalised points (..., 2)."""
     return ((points + 1.0) * (count / 2.0)).floor().long() % count

@@ -28,6 +28,7 @@ from emd_planner.convolution_blocks import (
 )
 from emd_planner.net_config import SpatialNetConfig
 from emd_planner.proposal import ProposalHead, Proposals
+from emd_planner.silhouette import column_centres
 from emd_planner.state_predictor import StatePredictor
 
 _LINE_SHARPNESS = 4.0  # of the maps that tell the sides of a fold line, per normalised length
@@ -165,7 +166,7 @@ class _Hands:
 
 def _hands(manipulations: Tensor, cells: tuple[int, int]) -> _Hands:
     """Draw manipulations (B, 6) on maps of `cells`."""
-    axes = [_centres(count, manipulations.device) for count in cells]
+    axes = [column_centres(count, manipulations.device) for count in cells]
     grasps = manipulations[:, :4].unflatten(1, (2, 2))
     move = manipulations[:, 4:]
     length = move.square().sum(-1, keepdim=True).add(1e-6).sqrt()
@@ -190,11 +191,6 @@ def _hands(manipulations: Tensor, cells: tuple[int, int]) -> _Hands:
     told = torch.cat([move, length], 1)[:, None].expand(-1, 2, -1)
     origins = torch.cat([shifted, folded], 1).flatten(1, 2)
     return _Hands(_on_rim(origins, cells), _on_rim(points[:, None], cells), marks, told)
-
-
-def _centres(count: int, device: torch.device) -> Tensor:
-    """Normalised coordinates of the cells along an axis."""
-    return (torch.arange(count, device=device) + 0.5) * (2.0 / count) - 1.0
 
 
 def _wrapped(offsets: Tensor) -> Tensor:

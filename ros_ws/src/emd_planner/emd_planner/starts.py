@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from emd_planner.silhouette import dilate, outside_cloth, silhouettes
+from emd_planner.silhouette import near_cloth, silhouettes
 from emd_planner.state_predictor import StatePredictor
 from emd_planner.unused_hands import random_points_outside
 
@@ -71,9 +71,8 @@ def without_doubtful_hand(
         The sequence without it, for each such hand that is not the only one.
     """
     points = values[0, :4].view(2, 2)
-    cloth = silhouette.expand(2, *silhouette.shape)
-    grasps = ~outside_cloth(points, dilate(cloth, tolerance_voxels))
-    doubtful = grasps & outside_cloth(points, cloth)
+    grasps = near_cloth(points, silhouette, tolerance_voxels)
+    doubtful = grasps & ~near_cloth(points, silhouette, 0)
     generator = torch.Generator().manual_seed(0)  # any place will do
     away = random_points_outside(silhouette.cpu(), generator, tolerance_voxels + 1).to(values)
     found = []
